@@ -1,0 +1,1 @@
+"""tensegra: statics, uncertainty and optimisation of classical and clustered tensegrity structures."""
