@@ -1,0 +1,225 @@
+"""Two ways to an equilibrium: Newton's method, and descent of the potential energy.
+
+Newton's method is quick and finds the equilibrium that is near, stable or not; the path follower
+uses it where a good guess is at hand. Descent (Newton steps shifted until the matrix is positive
+definite, with a bound on every move) ends in the stable equilibrium that the structure falls into.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tensegra.mechanics.arrays import FloatArray
+from tensegra.mechanics.tangent import Tangent
+
+RESIDUAL_TOLERANCE = 1e-9
+"""‖f − p‖∞ relative to the largest tension or load at which an equilibrium is accepted."""
+
+POLISH_TOLERANCE = 1e-14
+"""Iterations go on to this residual as long as they improve it: what rounding leaves."""
+
+FLAT_TENSION = 1e-9
+"""Tensions below this share of the reference tension are none: the prestress is lost."""
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """What holds still while an equilibrium is sought.
+
+    Attributes
+    ----------
+    rest_length, stiffness
+        Effective rest lengths and EA, shape ``(n_members,)``.
+    force
+        Nodal forces, weight included, shape ``(n_nodes, 3)``.
+    """
+
+    rest_length: FloatArray
+    stiffness: FloatArray
+    force: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """Outcome of a search for an equilibrium.
+
+    Attributes
+    ----------
+    nodes
+        Positions reached, shape ``(n_nodes, 3)``.
+    converged
+        Whether the residual is within tolerance.
+    residual
+        ‖f − p‖∞ relative to the largest tension or load.
+    iterations
+        Newton solves.
+    flat
+        Whether descent ended where nothing carries force any more.
+    """
+
+    nodes: FloatArray
+    converged: bool
+    residual: float
+    iterations: int
+    flat: bool = False
+
+
+def unbalanced(tangent: Tangent, nodes: FloatArray, load: Load) -> tuple[FloatArray, float]:
+    """Measure at `nodes`; return f − p over the free coordinates and its relative size."""
+    force = tangent.measure(nodes, load.rest_length, load.stiffness)
+    free = tangent.arrays.free
+    out = np.where(free, force - load.force, 0.0)
+    scale = max(
+        np.abs(tangent.tension).max(initial=0.0),
+        np.abs(load.force, where=free, out=np.zeros_like(force)).max(initial=0.0),
+    )
+    size = np.abs(out).max(initial=0.0)
+    return out, float(size / scale) if scale > 0.0 else 0.0
+
+
+def newton(
+    tangent: Tangent,
+    nodes: FloatArray,
+    load: Load,
+    *,
+    max_iterations: int = 12,
+    largest_move: float = np.inf,
+    slowest_contraction: float = np.inf,
+) -> Attempt:
+    """Solve f = p by Newton's method from the positions `nodes`.
+
+    Parameters
+    ----------
+    tangent
+        Workspace; left measured and factorised at the result.
+    nodes
+        First guess, held coordinates at their prescribed values, shape ``(n_nodes, 3)``.
+    load
+        Rest lengths, stiffness and forces.
+    max_iterations
+        Solves after which it gives up.
+    largest_move
+        Distance from the guess, of any coordinate, beyond which it gives up.
+    slowest_contraction
+        Ratio of successive corrections above which it gives up.
+    """
+    x = nodes
+    out, residual = unbalanced(tangent, x, load)
+    last_move = np.inf
+    for iteration in range(max_iterations):
+        tangent.factorise()
+        if residual <= RESIDUAL_TOLERANCE:
+            return _polished(tangent, x, load, out, residual, iteration)
+        correction = tangent.solve(-out)
+        move = float(np.abs(correction).max())
+        trial = x + correction
+        if (
+            not np.isfinite(move)
+            or move > slowest_contraction * last_move
+            or np.abs(trial - nodes).max() > largest_move
+        ):
+            return Attempt(x, converged=False, residual=residual, iterations=iteration + 1)
+        x, last_move = trial, move
+        out, residual = unbalanced(tangent, x, load)
+    converged = residual <= RESIDUAL_TOLERANCE
+    tangent.factorise()
+    return Attempt(x, converged=converged, residual=residual, iterations=max_iterations)
+
+
+def _polished(
+    tangent: Tangent, x: FloatArray, load: Load, out: FloatArray, residual: float, iterations: int
+) -> Attempt:
+    """Go on as long as the residual falls: the digits that the tolerance leaves are free."""
+    while residual > POLISH_TOLERANCE and np.isfinite(residual):
+        trial = x + tangent.solve(-out)
+        trial_out, trial_residual = unbalanced(tangent, trial, load)
+        iterations += 1
+        if not trial_residual < 0.5 * residual:
+            unbalanced(tangent, x, load)
+            break
+        x, out, residual = trial, trial_out, trial_residual
+        tangent.factorise()
+    return Attempt(x, converged=True, residual=residual, iterations=iterations)
+
+
+def potential(tangent: Tangent, nodes: FloatArray, load: Load) -> float:
+    """Potential energy Π = Σ ½ (EA/l₀) (ℓ − l₀)² − p·x at the last measure of `tangent`."""
+    free = tangent.arrays.free
+    return tangent.energy(load.rest_length) - float(np.sum(load.force * nodes, where=free))
+
+
+def descend(
+    tangent: Tangent,
+    nodes: FloatArray,
+    load: Load,
+    *,
+    reference_tension: float,
+    largest_move: float,
+    max_iterations: int = 2000,
+) -> Attempt:
+    """Fall from `nodes` to a stable equilibrium, or to where nothing carries force.
+
+    Each step solves (K + μI) u = p − f with μ ≥ 0 such that the matrix is positive definite, the
+    energy falls and no coordinate moves by more than `largest_move`: a discrete gradient flow,
+    which turns into Newton's method where K is positive definite.
+
+    Parameters
+    ----------
+    reference_tension
+        What counts as much: tensions below `FLAT_TENSION` of it, without loads, are a collapse.
+    largest_move
+        Bound on a single move, unit of length.
+    """
+    free = tangent.arrays.free
+    movable = free.any(axis=1)
+    segments = tangent.arrays.segment_nodes
+    touches = np.logical_or.reduceat(movable[segments].any(axis=1), tangent.arrays.segment_start[:-1])
+    loaded = bool(np.abs(load.force[free]).max(initial=0.0) > 0.0)
+    x = nodes
+    out, residual = unbalanced(tangent, x, load)
+    energy = potential(tangent, x, load)
+    shift = 0.0
+    for iteration in range(max_iterations):
+        carried = np.abs(tangent.tension[touches]).max(initial=0.0)
+        if not loaded and carried <= FLAT_TENSION * reference_tension:
+            return Attempt(x, converged=True, residual=residual, iterations=iteration, flat=True)
+        n_negative = tangent.factorise()
+        if residual <= RESIDUAL_TOLERANCE:
+            if n_negative == 0:
+                return _polished(tangent, x, load, out, residual, iteration)
+            out = out + _downhill(tangent, out)
+        if n_negative > 0 or shift > 0.0:
+            shift = max(shift, 1e-9 * tangent.stiffness_scale)
+            while tangent.factorise(shift) > 0:
+                shift *= 4.0
+        step = tangent.solve(-out)
+        while not np.abs(step).max() <= largest_move:
+            shift = max(4.0 * shift, 1e-9 * tangent.stiffness_scale)
+            if tangent.factorise(shift) == 0:
+                step = tangent.solve(-out)
+        trial = x + step
+        trial_out, trial_residual = unbalanced(tangent, trial, load)
+        trial_energy = potential(tangent, trial, load)
+        slope = float(np.sum(out * step))
+        rounding = 1e-13 * max(abs(energy), abs(trial_energy))
+        if trial_energy <= energy + 1e-4 * slope or (
+            trial_energy <= energy + rounding and trial_residual < residual
+        ):
+            x, out, residual, energy = trial, trial_out, trial_residual, trial_energy
+            shift = 0.2 * shift if shift > 1e-10 * tangent.stiffness_scale else 0.0
+        else:
+            out, residual = unbalanced(tangent, x, load)
+            shift = max(5.0 * shift, 1e-9 * tangent.stiffness_scale)
+            if shift > 1e6 * tangent.stiffness_scale:
+                break
+    converged = residual <= RESIDUAL_TOLERANCE
+    return Attempt(x, converged=converged, residual=residual, iterations=max_iterations)
+
+
+def _downhill(tangent: Tangent, out: FloatArray) -> FloatArray:
+    """Return a small force along the lowest mode, to leave a saddle on its lower side."""
+    tangent_modes = tangent.spectrum(1)
+    mode = tangent_modes.vectors[0]
+    side = np.sign(np.sum(mode * out)) or 1.0
+    amplitude = 1e-3 * abs(tangent_modes.values[0]) * tangent.arrays.size
+    return side * amplitude * mode / np.abs(mode).max()

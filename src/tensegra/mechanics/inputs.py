@@ -1,0 +1,276 @@
+"""What acts on a structure, and how it changes along a stage.
+
+`Inputs` holds the state of all that can be prescribed; `StageInputs` is the way from one state to
+the next, a function of the path parameter λ in [0, 1]. All inputs of a stage go from their old to
+their new values in proportion.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tensegra.errors import ModelError
+from tensegra.mechanics.arrays import AXES, FloatArray, StructureArrays
+from tensegra.structure import Actuator, Stage, Structure
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """The prescribed quantities of one state.
+
+    Attributes
+    ----------
+    rest_length
+        Mechanical rest lengths (without thermal strain), shape ``(n_members,)``.
+    temperature
+        Differences from the stress-free state, shape ``(n_members,)``.
+    loads
+        Nodal forces without the weight, shape ``(n_nodes, 3)``.
+    gravity
+        Factor on the members' weights, shape ``(3,)``.
+    positions
+        Coordinates at which supports hold, shape ``(n_nodes, 3)``; free coordinates are not read.
+    """
+
+    rest_length: FloatArray
+    temperature: FloatArray
+    loads: FloatArray
+    gravity: FloatArray
+    positions: FloatArray
+
+
+def initial_inputs(arrays: StructureArrays) -> Inputs:
+    """Return the inputs before the first stage: nothing but the rest lengths acts."""
+    return Inputs(
+        rest_length=arrays.rest_length.copy(),
+        temperature=np.zeros(arrays.n_members),
+        loads=np.zeros((arrays.n_nodes, 3)),
+        gravity=np.zeros(3),
+        positions=arrays.coordinates.copy(),
+    )
+
+
+def inputs_after_stage(structure: Structure, arrays: StructureArrays, before: Inputs, stage: Stage) -> Inputs:
+    """Return the inputs at the end of `stage`; what it does not name stays as it was."""
+    rest_length = before.rest_length.copy()
+    for member, change in stage.rest_length_changes.items():
+        rest_length[arrays.member_index[member]] *= 1.0 + change
+    for member, value in stage.rest_lengths.items():
+        rest_length[arrays.member_index[member]] = value
+    loads = before.loads.copy()
+    for node, force in stage.loads.items():
+        loads[arrays.node_index[node]] = force
+    positions = before.positions.copy()
+    for node, position in stage.positions.items():
+        positions[arrays.node_index[node]] = position
+    return Inputs(
+        rest_length=rest_length,
+        temperature=_with_temperatures(structure, arrays, before.temperature, stage.temperatures),
+        loads=loads,
+        gravity=before.gravity if stage.gravity is None else np.array(stage.gravity, dtype=np.float64),
+        positions=positions,
+    )
+
+
+def members_named(structure: Structure, name: str, place: str) -> tuple[str, ...]:
+    """Return the members that `name` stands for: a member's id or a group."""
+    if name in structure.members:
+        return (name,)
+    if name in structure.groups:
+        return tuple(structure.groups[name])
+    raise ModelError.at(
+        place, name, "a member or a group", candidates=[*structure.groups, *structure.members]
+    )
+
+
+def _with_temperatures(
+    structure: Structure, arrays: StructureArrays, before: FloatArray, temperatures: Mapping[str, float]
+) -> FloatArray:
+    temperature = before.copy()
+    for name, value in temperatures.items():
+        for member in members_named(structure, name, "temperatures"):
+            temperature[arrays.member_index[member]] = value
+    return temperature
+
+
+def effective_rest_length(arrays: StructureArrays, inputs: Inputs) -> FloatArray:
+    """Rest lengths with thermal strain, l₀ (1 + α ΔT), shape ``(n_members,)``."""
+    return inputs.rest_length * (1.0 + arrays.thermal_expansion * inputs.temperature)
+
+
+def nodal_forces(arrays: StructureArrays, inputs: Inputs) -> FloatArray:
+    """Loads and weights, shape ``(n_nodes, 3)``."""
+    return inputs.loads + arrays.nodal_weight[:, None] * inputs.gravity
+
+
+@dataclass(frozen=True, eq=False)
+class StageInputs:
+    """All inputs along one stage, as functions of the path parameter λ in [0, 1].
+
+    Attributes
+    ----------
+    rest_length
+        Coefficients c of the effective rest length Σ c[:, k] λᵏ, thermal strain included,
+        shape ``(n_members, degree + 1)``.
+    loads_start, loads_end
+        Nodal forces, weight included, at λ = 0 and 1, shape ``(n_nodes, 3)``.
+    positions_start, positions_end
+        Coordinates of the supports at λ = 0 and 1, shape ``(n_nodes, 3)``.
+    """
+
+    rest_length: FloatArray
+    loads_start: FloatArray
+    loads_end: FloatArray
+    positions_start: FloatArray
+    positions_end: FloatArray
+
+    def rest_length_at(self, parameter: float) -> FloatArray:
+        """Effective rest lengths at the path parameter, shape ``(n_members,)``."""
+        return np.polynomial.polynomial.polyval(parameter, self.rest_length.T)
+
+    def rest_length_rate(self, parameter: float) -> FloatArray:
+        """Derivative of the effective rest lengths by the path parameter, shape ``(n_members,)``."""
+        derivative = np.polynomial.polynomial.polyder(self.rest_length, axis=1)
+        return np.polynomial.polynomial.polyval(parameter, derivative.T)
+
+    def loads_at(self, parameter: float) -> FloatArray:
+        """Nodal forces at the path parameter, shape ``(n_nodes, 3)``."""
+        return (1.0 - parameter) * self.loads_start + parameter * self.loads_end
+
+    def positions_at(self, parameter: float) -> FloatArray:
+        """Coordinates of the supports at the path parameter, shape ``(n_nodes, 3)``."""
+        return (1.0 - parameter) * self.positions_start + parameter * self.positions_end
+
+    def balanced_by(self, force: FloatArray) -> "StageInputs":
+        """Return the same stage with `force` acting at its beginning and fading to nothing."""
+        return replace(self, loads_start=self.loads_start + force)
+
+
+def stage_inputs(arrays: StructureArrays, before: Inputs, after: Inputs) -> StageInputs:
+    """Join two states: rest lengths, temperatures, loads and positions change in proportion to λ."""
+    strain = 1.0 + arrays.thermal_expansion * before.temperature
+    strain_rate = arrays.thermal_expansion * (after.temperature - before.temperature)
+    length, length_rate = before.rest_length, after.rest_length - before.rest_length
+    return _stage(
+        arrays,
+        before,
+        after,
+        np.stack([length * strain, length * strain_rate + length_rate * strain, length_rate * strain_rate], axis=1),
+    )
+
+
+def _stage(arrays: StructureArrays, before: Inputs, after: Inputs, rest_length: FloatArray) -> StageInputs:
+    return StageInputs(
+        rest_length=rest_length,
+        loads_start=nodal_forces(arrays, before),
+        loads_end=nodal_forces(arrays, after),
+        positions_start=before.positions,
+        positions_end=after.positions,
+    )
+
+
+@dataclass(frozen=True)
+class Actuation:
+    """What acts after the stages: the inputs of one run.
+
+    Attributes
+    ----------
+    actuation
+        Value of each actuator named, relative change of rest length.
+    temperature
+        Change of temperature of a member or a group, added to that of the stages.
+    loads
+        Forces added to those of the last stage, by (node, axis).
+    positions
+        Shift of a supported coordinate, by (node, axis).
+    """
+
+    actuation: Mapping[str, float]
+    temperature: Mapping[str, float]
+    loads: Mapping[tuple[str, str], float]
+    positions: Mapping[tuple[str, str], float]
+
+
+def actuation_inputs(
+    structure: Structure, arrays: StructureArrays, before: Inputs, run: Actuation
+) -> tuple[StageInputs, Inputs]:
+    """Return the way from the last stage's inputs to those of a run, and the inputs at its end.
+
+    Actuators that share a member multiply, so the rest length is a polynomial in λ.
+
+    Raises
+    ------
+    ModelError
+        For an unknown actuator, member, group, node or axis, a value that leaves no rest length,
+        or a shift of a coordinate that is not supported.
+    """
+    factors: list[list[float]] = [[] for _ in arrays.member_ids]
+    for name, value in run.actuation.items():
+        actuator = _actuator(structure, name)
+        rate = actuator.factor(value) - 1.0
+        if not rate > -1.0:
+            raise ModelError.at(f"actuation {name}", value, "a value that leaves a rest length")
+        for member in actuator.members:
+            factors[arrays.member_index[member]].append(rate)
+
+    temperature_change = np.zeros(arrays.n_members)
+    for name, value in run.temperature.items():
+        for member in members_named(structure, name, "temperature"):
+            temperature_change[arrays.member_index[member]] += _finite(value, f"temperature {name}")
+
+    degree = max((len(rates) for rates in factors), default=0) + 1
+    strain = 1.0 + arrays.thermal_expansion * before.temperature
+    rest_length = np.zeros((arrays.n_members, degree + 1))
+    for e, rates in enumerate(factors):
+        polynomial = np.array([before.rest_length[e]])
+        for rate in rates:
+            polynomial = np.convolve(polynomial, [1.0, rate])
+        polynomial = np.convolve(polynomial, [strain[e], arrays.thermal_expansion[e] * temperature_change[e]])
+        rest_length[e, : len(polynomial)] = polynomial
+
+    mechanical = before.rest_length * np.array([np.prod([1.0 + rate for rate in rates]) for rates in factors])
+    after = Inputs(
+        rest_length=mechanical,
+        temperature=before.temperature + temperature_change,
+        loads=before.loads + _by_coordinate(structure, arrays, run.loads, "load"),
+        gravity=before.gravity,
+        positions=before.positions + _support_shift(structure, arrays, run.positions),
+    )
+    return _stage(arrays, before, after, rest_length), after
+
+
+def _actuator(structure: Structure, name: str) -> Actuator:
+    try:
+        return structure.actuators[name]
+    except KeyError:
+        raise ModelError.at("actuation", name, "an actuator", candidates=structure.actuators) from None
+
+
+def _finite(value: float, place: str) -> float:
+    if not np.isfinite(value):
+        raise ModelError.at(place, value, "a finite number")
+    return float(value)
+
+
+def _by_coordinate(
+    structure: Structure, arrays: StructureArrays, values: Mapping[tuple[str, str], float], place: str
+) -> FloatArray:
+    field = np.zeros((arrays.n_nodes, 3))
+    for (node, axis), value in values.items():
+        if node not in arrays.node_index:
+            raise ModelError.at(place, node, "a node", candidates=structure.nodes)
+        if axis not in AXES:
+            raise ModelError.at(f"{place} on {node}", axis, "an axis: x, y or z")
+        field[arrays.node_index[node], AXES.index(axis)] += _finite(value, f"{place} on {node}")
+    return field
+
+
+def _support_shift(
+    structure: Structure, arrays: StructureArrays, values: Mapping[tuple[str, str], float]
+) -> FloatArray:
+    shift = _by_coordinate(structure, arrays, values, "position")
+    for node, axis in values:
+        if arrays.free[arrays.node_index[node], AXES.index(axis)]:
+            raise ModelError.at("position", f"{node}.{axis}", "a coordinate that is supported")
+    return shift

@@ -1,0 +1,220 @@
+"""Solve a structure along its loading history: the stages, then the actuation."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tensegra.mechanics.arrays import StructureArrays, structure_arrays
+from tensegra.mechanics.equilibrium import Load, unbalanced
+from tensegra.mechanics.follow import PathSettings, StageFollower, StageRun, reference_tension
+from tensegra.mechanics.inputs import (
+    Actuation,
+    Inputs,
+    StageInputs,
+    actuation_inputs,
+    effective_rest_length,
+    initial_inputs,
+    inputs_after_stage,
+    nodal_forces,
+    stage_inputs,
+)
+from tensegra.mechanics.results import Equilibrium, EquilibriumPath, Status
+from tensegra.mechanics.stability import free_mechanisms
+from tensegra.mechanics.start import first_stage
+from tensegra.mechanics.tangent import Tangent
+from tensegra.structure import Structure
+
+UNNAMED_STAGE = "as given"
+"""Name of the equilibrium of a structure that declares no stages."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A structure solved through its stages: where every actuation starts.
+
+    Attributes
+    ----------
+    structure, arrays, tangent
+        The structure, flattened, and the workspace of its kernels.
+    runs
+        One followed stage each.
+    equilibria
+        Their results.
+    inputs
+        The prescribed quantities after the last stage.
+    settings
+        How paths are followed.
+    """
+
+    structure: Structure
+    arrays: StructureArrays
+    tangent: Tangent
+    runs: tuple[StageRun, ...]
+    equilibria: tuple[Equilibrium, ...]
+    inputs: Inputs
+    settings: PathSettings
+
+
+def solve_path(
+    structure: Structure,
+    actuation: Mapping[str, float] | None = None,
+    temperature: Mapping[str, float] | None = None,
+    *,
+    loads: Mapping[tuple[str, str], float] | None = None,
+    positions: Mapping[tuple[str, str], float] | None = None,
+    settle_start: bool = False,
+    settings: PathSettings | None = None,
+) -> EquilibriumPath:
+    """Follow a structure through its stages and then along an actuation.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    actuation
+        Value of each actuator, the relative change of its members' rest lengths.
+    temperature
+        Change of temperature of a member or a group.
+    loads
+        Forces added to those of the last stage, by (node, axis).
+    positions
+        Shift of a supported coordinate, by (node, axis).
+    settle_start
+        Let a start that is an unstable equilibrium fall before the history goes on.
+    settings
+        How the path is followed.
+
+    Returns
+    -------
+    EquilibriumPath
+        Equilibria with status; nothing is raised for a numerical failure.
+
+    Raises
+    ------
+    ModelError
+        For an input that names nothing in the structure or cannot be.
+
+    Examples
+    --------
+    >>> from tensegra.structure import library
+    >>> path = solve_path(library.paper_beam(), {"A14": 0.10, "A23": 0.10})
+    >>> str(path.status), round(path.displacement("z", nodes=[18, 23]), 2)
+    ('stable', 53.15)
+    """
+    prepared = prepare(structure, settle_start=settle_start, settings=settings)
+    run = Actuation(actuation or {}, temperature or {}, loads or {}, positions or {})
+    return actuate(prepared, run)
+
+
+def prepare(
+    structure: Structure, *, settle_start: bool = False, settings: PathSettings | None = None
+) -> Prepared:
+    """Solve the stages of a structure, once for all actuations that start from them."""
+    settings = settings or PathSettings()
+    arrays = structure_arrays(structure)
+    tangent = Tangent(arrays)
+    inputs = initial_inputs(arrays)
+    runs: list[StageRun] = []
+    equilibria: list[Equilibrium] = []
+    nodes = arrays.coordinates
+    for index, (name, after) in enumerate(_stage_targets(structure, arrays)):
+        follower = _follower(tangent, stage_inputs(arrays, inputs, after), equilibria, settings)
+        if index == 0:
+            run = first_stage(follower, name, settle=settle_start)
+        elif equilibria[-1].status is Status.FAILED:
+            run = StageRun(name, nodes, outcome=Status.FAILED, reason="the stage before it failed")
+        else:
+            run = follower.run(name, nodes)
+        inputs, nodes = after, run.nodes
+        runs.append(run)
+        equilibria.append(_equilibrium(structure, tangent, run, after))
+    return Prepared(structure, arrays, tangent, tuple(runs), tuple(equilibria), inputs, settings)
+
+
+def _stage_targets(structure: Structure, arrays: StructureArrays) -> list[tuple[str, Inputs]]:
+    """Return name and final inputs of each stage; the structure's own gravity acts from the first on."""
+    gravity = np.array(structure.gravity, dtype=np.float64)
+    inputs = replace(initial_inputs(arrays), gravity=gravity)
+    if not structure.stages:
+        return [(UNNAMED_STAGE, inputs)]
+    targets = []
+    for stage in structure.stages:
+        inputs = inputs_after_stage(structure, arrays, inputs, stage)
+        targets.append((stage.name, inputs))
+    return targets
+
+
+def actuate(prepared: Prepared, run: Actuation) -> EquilibriumPath:
+    """Follow an actuation from the last stage's equilibrium."""
+    inputs, after = actuation_inputs(prepared.structure, prepared.arrays, prepared.inputs, run)
+    runs = list(prepared.runs)
+    actuated: Equilibrium | None = None
+    if run.actuation or run.temperature or run.loads or run.positions:
+        start = prepared.equilibria[-1]
+        if start.status is Status.FAILED:
+            followed = StageRun("actuation", start.nodes, outcome=Status.FAILED, reason="the stages failed")
+        else:
+            follower = _follower(prepared.tangent, inputs, prepared.equilibria, prepared.settings)
+            followed = follower.run("actuation", start.nodes)
+        runs.append(followed)
+        actuated = _equilibrium(prepared.structure, prepared.tangent, followed, after)
+    return EquilibriumPath(
+        structure=prepared.structure,
+        stages=prepared.equilibria,
+        actuation=actuated,
+        critical_points=tuple(point for run in runs for point in run.critical_points),
+        slack_events=tuple(event for run in runs for event in run.slack_events),
+        history=tuple(point for run in runs for point in run.history),
+    )
+
+
+def _follower(
+    tangent: Tangent, inputs: StageInputs, equilibria: list[Equilibrium] | tuple[Equilibrium, ...], settings: PathSettings
+) -> StageFollower:
+    stiffness = tangent.arrays.stiffness
+    reference = max((reference_tension(e.tensions, stiffness) for e in equilibria), default=0.0)
+    return StageFollower(tangent, inputs, stiffness, reference, settings)
+
+
+def _equilibrium(structure: Structure, tangent: Tangent, run: StageRun, inputs: Inputs) -> Equilibrium:
+    """Certify the end of a stage: measure again, count eigenvalues, name what is free."""
+    arrays = tangent.arrays
+    nowhere = Equilibrium(
+        structure=structure,
+        stage=run.name,
+        status=Status.FAILED,
+        reason=run.reason,
+        nodes=np.full((arrays.n_nodes, 3), np.nan),
+        tensions=np.full(arrays.n_members, np.nan),
+        slack=np.zeros(arrays.n_members, dtype=np.bool_),
+        residual=np.nan,
+        lowest_eigenvalue=np.nan,
+        n_negative=0,
+        strain_energy=np.nan,
+        steps=run.steps,
+        iterations=run.iterations,
+    )
+    if run.outcome is Status.FAILED:
+        return nowhere
+    load = Load(effective_rest_length(arrays, inputs), arrays.stiffness, nodal_forces(arrays, inputs))
+    _, residual = unbalanced(tangent, run.nodes, load)
+    spectrum = tangent.spectrum(1)
+    n_negative = tangent.factorise()
+    result = replace(
+        nowhere,
+        status=run.outcome,
+        nodes=run.nodes,
+        tensions=tangent.tension.copy(),
+        slack=arrays.is_cable & ~tangent.taut,
+        residual=residual,
+        lowest_eigenvalue=float(spectrum.values[0]),
+        n_negative=n_negative,
+        strain_energy=tangent.energy(load.rest_length),
+    )
+    if run.outcome is Status.COLLAPSED:
+        free = free_mechanisms(tangent)
+        names = sorted({node for nodes in free for node in nodes}, key=arrays.node_ids.index)
+        reason = f"{run.reason}; {len(free)} free mechanisms, which move nodes {', '.join(names)}"
+        return replace(result, mechanisms=free, reason=reason)
+    return result

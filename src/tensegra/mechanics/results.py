@@ -1,0 +1,314 @@
+"""What an analysis returns: statuses that are sentences, equilibria that carry their proof."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Self
+
+import numpy as np
+
+from tensegra.errors import ModelError, SolverError
+from tensegra.mechanics.arrays import AXES, BoolArray, FloatArray
+from tensegra.structure import Structure
+
+
+class Status(StrEnum):
+    """What is known of a result."""
+
+    STABLE = "stable"
+    """Reached along a continuous path of stable equilibria."""
+    SNAPPED = "snapped"
+    """Stable, but the path left its branch at least once; where and how far is told."""
+    COLLAPSED = "collapsed"
+    """The prestress is lost: K is singular and the position is not unique."""
+    UNSTABLE = "unstable"
+    """An equilibrium that does not stand: K has a negative eigenvalue."""
+    FAILED = "failed"
+    """No equilibrium was found; no number is reported."""
+
+
+SEVERITY = (Status.STABLE, Status.SNAPPED, Status.UNSTABLE, Status.COLLAPSED, Status.FAILED)
+"""From the best to the worst."""
+
+
+@dataclass(frozen=True)
+class CriticalPoint:
+    """Where a path lost its stability, and what became of it.
+
+    Attributes
+    ----------
+    stage
+        Name of the stage.
+    parameter
+        Path parameter λ in [0, 1] within the stage.
+    kind
+        ``limit point``, ``bifurcation``, ``slack`` (a cable went slack and took the stiffness with
+        it), ``collapse`` (the last prestress went) or ``unstable start``.
+    lowest_eigenvalue
+        Of K at the last stable point before it.
+    moved_nodes
+        Nodes that the critical mode moves most.
+    snap
+        Largest displacement of a node in the jump that followed, 0 where the path stopped.
+    energy_released
+        Fall of the potential energy in that jump.
+    """
+
+    stage: str
+    parameter: float
+    kind: str
+    lowest_eigenvalue: float
+    moved_nodes: tuple[str, ...]
+    snap: float = 0.0
+    energy_released: float = 0.0
+
+    def __str__(self) -> str:
+        text = f"{self.kind} at {100 * self.parameter:.4g} % of stage '{self.stage}'"
+        if self.snap > 0.0:
+            text += f", snap of {self.snap:.4g}"
+        return text
+
+
+@dataclass(frozen=True)
+class SlackEvent:
+    """A cable that went slack, or came taut again, along a stage."""
+
+    stage: str
+    parameter: float
+    member: str
+    becomes: str
+
+
+@dataclass(frozen=True, eq=False)
+class PathPoint:
+    """One accepted step: the state at a value of the path parameter."""
+
+    stage: str
+    parameter: float
+    nodes: FloatArray
+    tensions: FloatArray
+    iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """One equilibrium and its certificate.
+
+    Attributes
+    ----------
+    structure
+        The structure whose equilibrium it is.
+    stage
+        Name of the stage that ends in it.
+    status, reason
+        What is known of it; the reason is empty where the status is ``stable``.
+    nodes
+        Positions, shape ``(n_nodes, 3)``, unit of length; NaN where failed.
+    tensions
+        Tension positive, shape ``(n_members,)``, unit of force; zero for slack cables.
+    slack
+        True for a cable that carries nothing, shape ``(n_members,)``.
+    residual
+        ‖f − p‖∞ relative to the largest tension or load.
+    lowest_eigenvalue
+        Of the tangent stiffness K over the free coordinates, force per length.
+    n_negative
+        Number of negative eigenvalues of K (its inertia).
+    strain_energy
+        Σ T (ℓ − l₀)/2, force times length.
+    steps, iterations
+        Increments and Newton solves that led to it, within its stage.
+    mechanisms
+        For a collapse, the nodes that each free mechanism moves most.
+    """
+
+    structure: Structure = field(repr=False)
+    stage: str
+    status: Status
+    reason: str
+    nodes: FloatArray = field(repr=False)
+    tensions: FloatArray = field(repr=False)
+    slack: BoolArray = field(repr=False)
+    residual: float
+    lowest_eigenvalue: float
+    n_negative: int
+    strain_energy: float
+    steps: int
+    iterations: int
+    mechanisms: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether it is a stable equilibrium."""
+        return self.status in (Status.STABLE, Status.SNAPPED)
+
+    def raise_for_status(self) -> Self:
+        """Return itself, or raise `SolverError` where it is not a stable equilibrium."""
+        if not self.succeeded:
+            raise SolverError(f"stage '{self.stage}' is {self.status}: {self.reason}")
+        return self
+
+    def node(self, node: str | int) -> FloatArray:
+        """Position of a node, shape ``(3,)``."""
+        return np.array(self.nodes[_index(self.structure.nodes, node, "node")])
+
+    def tension(self, member: str | int) -> float:
+        """Tension of a member, unit of force."""
+        return float(self.tensions[_index(self.structure.members, member, "member")])
+
+    @property
+    def slack_members(self) -> tuple[str, ...]:
+        """Names of the slack cables."""
+        return tuple(np.array(list(self.structure.members), dtype=object)[self.slack])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON values, as `tensegra solve --json` prints them; null where failed."""
+        failed = self.status is Status.FAILED
+        return {
+            "name": self.stage,
+            "status": str(self.status),
+            "reason": self.reason,
+            "nodes": None if failed else dict(zip(self.structure.nodes, self.nodes.tolist(), strict=True)),
+            "tensions": None
+            if failed
+            else dict(zip(self.structure.members, self.tensions.tolist(), strict=True)),
+            "slack": None if failed else list(self.slack_members),
+            "residual": _finite(self.residual),
+            "lowest_eigenvalue": _finite(self.lowest_eigenvalue),
+            "negative_eigenvalues": self.n_negative,
+            "strain_energy": _finite(self.strain_energy),
+            "steps": self.steps,
+            "iterations": self.iterations,
+            "mechanisms": [list(nodes) for nodes in self.mechanisms],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class EquilibriumPath:
+    """The equilibria of a loading history: those of the stages and of the actuation after them.
+
+    Attributes
+    ----------
+    structure
+        The structure.
+    stages
+        One equilibrium per stage of the structure, in order.
+    actuation
+        The equilibrium under actuation, temperature and the other inputs of the run; None where
+        nothing acts after the stages.
+    critical_points, slack_events
+        What happened on the way, in order.
+    history
+        Every accepted step, in order.
+    """
+
+    structure: Structure
+    stages: tuple[Equilibrium, ...]
+    actuation: Equilibrium | None
+    critical_points: tuple[CriticalPoint, ...] = ()
+    slack_events: tuple[SlackEvent, ...] = ()
+    history: tuple[PathPoint, ...] = field(default=(), repr=False)
+
+    @property
+    def final(self) -> Equilibrium:
+        """The last equilibrium of the history."""
+        return self.stages[-1] if self.actuation is None else self.actuation
+
+    @property
+    def status(self) -> Status:
+        """Status of the whole history: ``snapped`` where it left a branch anywhere on the way."""
+        if self.final.status is Status.STABLE and any(
+            stage.status is not Status.STABLE for stage in self.stages
+        ):
+            return Status.SNAPPED
+        return self.final.status
+
+    @property
+    def reason(self) -> str:
+        """Why the status is not ``stable``; empty where it is."""
+        if self.status is Status.STABLE:
+            return ""
+        reasons = [e.reason for e in (*self.stages, self.actuation) if e is not None and e.reason]
+        return "; ".join(reasons)
+
+    @property
+    def displacements(self) -> FloatArray:
+        """Displacements by the actuation from the last stage, shape ``(n_nodes, 3)``."""
+        return self.final.nodes - self.stages[-1].nodes
+
+    def displacement(self, axis: str, nodes: Sequence[str | int]) -> float:
+        """Mean displacement of the named nodes along an axis, from the last stage's equilibrium."""
+        rows = [_index(self.structure.nodes, node, "node") for node in nodes]
+        return float(self.displacements[rows, axis_index(axis)].mean())
+
+    def raise_for_status(self) -> Self:
+        """Return itself, or raise `SolverError` where the last equilibrium is not a stable one."""
+        self.final.raise_for_status()
+        return self
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON values, as `tensegra solve --json` prints them."""
+        result: dict[str, Any] = {
+            "structure": self.structure.name,
+            "units": {
+                "length": self.structure.units.length,
+                "force": self.structure.units.force,
+                "temperature": self.structure.units.temperature,
+            },
+            "status": str(self.status),
+            "reason": self.reason,
+            "stages": [stage.to_dict() for stage in self.stages],
+            "actuation": None,
+            "critical_points": [
+                {
+                    "stage": point.stage,
+                    "parameter": point.parameter,
+                    "kind": point.kind,
+                    "lowest_eigenvalue": _finite(point.lowest_eigenvalue),
+                    "moved_nodes": list(point.moved_nodes),
+                    "snap": point.snap,
+                    "energy_released": point.energy_released,
+                }
+                for point in self.critical_points
+            ],
+            "slack_events": [
+                {
+                    "stage": event.stage,
+                    "parameter": event.parameter,
+                    "member": event.member,
+                    "becomes": event.becomes,
+                }
+                for event in self.slack_events
+            ],
+        }
+        if self.actuation is not None:
+            moved = None
+            if self.actuation.status is not Status.FAILED:
+                moved = dict(zip(self.structure.nodes, self.displacements.tolist(), strict=True))
+            result["actuation"] = self.actuation.to_dict() | {"displacements": moved}
+        return result
+
+
+def axis_index(axis: str) -> int:
+    """Return 0, 1 or 2 for x, y or z.
+
+    Raises
+    ------
+    ModelError
+        For any other axis.
+    """
+    if axis not in ("x", "y", "z"):
+        raise ModelError.at("axis", axis, "x, y or z")
+    return AXES.index(axis)
+
+
+def _index(names: Any, name: str | int, what: str) -> int:  # noqa: ANN401 - any ordered mapping of ids
+    ids = list(names)
+    try:
+        return ids.index(str(name))
+    except ValueError:
+        raise ModelError.at(what, name, f"the id of a {what}", candidates=ids) from None
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

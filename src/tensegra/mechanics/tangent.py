@@ -1,0 +1,309 @@
+"""The tangent system of one structure: measure, factorise, solve, look at the spectrum.
+
+`Tangent` owns the workspace of the kernels for a single lane and hides the elimination order and
+the low-rank terms of long clustered cables: vectors go in and come out as ``(n_nodes, 3)``.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tensegra.mechanics import kernels
+from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray, StructureArrays
+from tensegra.mechanics.pattern import Pattern, build_pattern, dense_matrix
+
+PIVOT_FLOOR = 1e-15
+"""Pivots below this share of the largest diagonal entry are rounding errors of a zero."""
+
+LARGEST_DENSE = 400
+"""Up to this many degrees of freedom a dense eigenvalue solver is faster than Lanczos."""
+
+
+class Spectrum(NamedTuple):
+    """Lowest eigenvalues of K, ascending, and their unit vectors, ``(n, n_nodes, 3)``."""
+
+    values: FloatArray
+    vectors: FloatArray
+
+
+class Tangent:
+    """Tangent stiffness of a structure at one position, K = A + B diag(k) Bᵀ.
+
+    Attributes
+    ----------
+    length, tension, axial
+        Path lengths ℓ, tensions T and k = EA/l₀ (both zero where slack) of the last `measure`.
+    n_negative
+        Negative eigenvalues of K (+ shift) found by the last `factorise`.
+    """
+
+    def __init__(self, arrays: StructureArrays, pattern: Pattern | None = None) -> None:
+        self.arrays = arrays
+        self.pattern = build_pattern(arrays) if pattern is None else pattern
+        segments, members = len(arrays.segment_nodes), arrays.n_members
+        self._unit = np.zeros((3 * segments, 1))
+        self._inverse_length = np.zeros((segments, 1))
+        self._length = np.zeros((members, 1))
+        self._tension = np.zeros((members, 1))
+        self._axial = np.zeros((members, 1))
+        self._force = np.zeros((3 * arrays.n_nodes, 1))
+        self._blocks = np.zeros((9 * self.pattern.n_entries, 1))
+        self._pivot_inverse = np.zeros((9 * self.pattern.n_blocks, 1))
+        self._negative = np.zeros(1, dtype=np.int64)
+        self._smallest = np.zeros(1)
+        self._low_rank: tuple[FloatArray, FloatArray, FloatArray] | None = None
+        self.n_negative = 0
+        self.stiffness_scale = 1.0
+
+    @property
+    def length(self) -> FloatArray:
+        """Path lengths, shape ``(n_members,)``."""
+        return self._length[:, 0]
+
+    @property
+    def tension(self) -> FloatArray:
+        """Tensions, zero where slack, shape ``(n_members,)``."""
+        return self._tension[:, 0]
+
+    @property
+    def axial(self) -> FloatArray:
+        """EA/l₀, zero where slack, shape ``(n_members,)``."""
+        return self._axial[:, 0]
+
+    @property
+    def taut(self) -> BoolArray:
+        """True for a member that carries force, shape ``(n_members,)``."""
+        taut: BoolArray = self.axial > 0.0
+        return taut
+
+    def measure(self, x: FloatArray, rest_length: FloatArray, stiffness: FloatArray) -> FloatArray:
+        """Measure all members at the positions `x` and return the internal force, ``(n_nodes, 3)``."""
+        arrays = self.arrays
+        kernels.measure(
+            np.ascontiguousarray(x).reshape(-1, 1),
+            np.ascontiguousarray(rest_length).reshape(-1, 1),
+            np.ascontiguousarray(stiffness).reshape(-1, 1),
+            arrays.is_cable,
+            arrays.segment_nodes,
+            arrays.segment_start,
+            self._unit,
+            self._inverse_length,
+            self._length,
+            self._tension,
+            self._axial,
+        )
+        kernels.internal_force(
+            self._unit, self._tension, arrays.segment_nodes, arrays.segment_start, self._force
+        )
+        return self._force.reshape(-1, 3).copy()
+
+    def energy(self, rest_length: FloatArray) -> float:
+        """Strain energy Σ T (ℓ − l₀)/2 of the last measure."""
+        return 0.5 * float(np.dot(self.tension, self.length - rest_length))
+
+    def force_rate(self, motion: FloatArray, tension_rate: FloatArray | None = None) -> FloatArray:
+        """Differentiate the internal force along a motion of all nodes, ``(n_nodes, 3)``.
+
+        Parameters
+        ----------
+        motion
+            Velocity of the nodes, shape ``(n_nodes, 3)``.
+        tension_rate
+            Rate of the tensions where the nodes stay, shape ``(n_members,)``; none where left out.
+        """
+        arrays = self.arrays
+        rate = np.empty_like(self._force)
+        still = np.zeros_like(self._tension) if tension_rate is None else tension_rate.reshape(-1, 1)
+        kernels.force_rate(
+            self._unit,
+            self._inverse_length,
+            self._tension,
+            self._axial,
+            arrays.segment_nodes,
+            arrays.segment_start,
+            np.ascontiguousarray(motion).reshape(-1, 1),
+            np.ascontiguousarray(still),
+            rate,
+        )
+        return rate.reshape(-1, 3)
+
+    def length_rate(self, motion: FloatArray) -> FloatArray:
+        """Rate b·v of the path lengths along a motion of the nodes, shape ``(n_members,)``."""
+        ends = motion[self.arrays.segment_nodes]
+        along = np.einsum("sc,sc->s", self._unit.reshape(-1, 3), ends[:, 1] - ends[:, 0])
+        return np.add.reduceat(along, self.arrays.segment_start[:-1])
+
+    def assemble(self) -> None:
+        """Assemble the blocks of K at the last measure."""
+        arrays, pattern = self.arrays, self.pattern
+        kernels.assemble(
+            self._unit,
+            self._inverse_length,
+            self._tension,
+            self._axial,
+            arrays.segment_nodes,
+            arrays.segment_start,
+            pattern.node_block,
+            pattern.column_start,
+            pattern.segment_entry,
+            pattern.path_start,
+            pattern.segment_local,
+            pattern.pair_start,
+            pattern.pair_local,
+            pattern.pair_entry,
+            pattern.held_entry,
+            pattern.held_diagonal,
+            self._blocks,
+        )
+        diagonal = self._blocks[9 * pattern.column_start[:-1, None] + np.array([0, 4, 8]), 0]
+        self.stiffness_scale = float(np.abs(diagonal).max(initial=0.0)) or 1.0
+
+    def factorise(self, shift: float = 0.0) -> int:
+        """Assemble and factorise K + shift·I at the last measure; return its negative eigenvalues."""
+        self.assemble()
+        pattern = self.pattern
+        kernels.factorise(
+            pattern.column_start,
+            pattern.row,
+            pattern.left_start,
+            pattern.left_column,
+            pattern.left_entry,
+            np.array([shift]),
+            np.array([PIVOT_FLOOR * self.stiffness_scale]),
+            self._blocks,
+            self._pivot_inverse,
+            self._negative,
+            self._smallest,
+        )
+        self.n_negative = int(self._negative[0]) + self._factorise_low_rank()
+        return self.n_negative
+
+    def solve(self, force: FloatArray) -> FloatArray:
+        """Solve K u = force with the last factor; rows of held coordinates are zero.
+
+        Parameters
+        ----------
+        force
+            Shape ``(n_nodes, 3)``.
+        """
+        u = self._solve_filled(self._gather(force))
+        if self._low_rank is not None:
+            columns, solved, capacitance = self._low_rank
+            u -= solved @ np.linalg.solve(capacitance, columns.T @ u)
+        return self._scatter(u)
+
+    def matrix(self) -> FloatArray:
+        """Return K at the last measure as a dense matrix over the free coordinates in elimination order."""
+        self.assemble()
+        free = self.free_index
+        matrix = dense_matrix(self.pattern, self._blocks[:, 0], free)
+        columns, axial = self._low_rank_columns()
+        return matrix + (columns[free] * axial) @ columns[free].T
+
+    @property
+    def free_index(self) -> IndexArray:
+        """Rows of the elimination order that are free coordinates."""
+        return np.flatnonzero(self.arrays.free[self.pattern.block_node].ravel())
+
+    def spectrum(self, n_lowest: int = 1) -> Spectrum:
+        """Return the lowest eigenvalues of K at the last measure with their modes."""
+        free = self.free_index
+        n_lowest = min(n_lowest, len(free))
+        if len(free) <= LARGEST_DENSE:
+            from scipy.linalg import eigh
+
+            values, vectors = eigh(self.matrix(), subset_by_index=(0, n_lowest - 1))
+        else:
+            values, vectors = self._lanczos(n_lowest)
+        modes = np.zeros((n_lowest, 3 * self.pattern.n_blocks))
+        modes[:, free] = vectors.T
+        return Spectrum(values, np.array([self._scatter(mode) for mode in modes]))
+
+    def _lanczos(self, n_lowest: int) -> tuple[FloatArray, FloatArray]:
+        """Shift-invert Lanczos; the shift lies below the spectrum, so the nearest are the lowest."""
+        from scipy.sparse.linalg import LinearOperator, eigsh
+
+        free = self.free_index
+        shift = 0.0
+        while self.factorise(shift) > 0:
+            shift = max(4.0 * shift, 1e-9 * self.stiffness_scale)
+        n = len(free)
+
+        def inverse(vector: FloatArray) -> FloatArray:
+            full = np.zeros(3 * self.pattern.n_blocks)
+            full[free] = vector
+            u = self._gather(self.solve(self._scatter(full)))
+            return u[free]
+
+        def product(vector: FloatArray) -> FloatArray:
+            full = np.zeros(3 * self.pattern.n_blocks)
+            full[free] = vector
+            return self._gather(self.force_rate(self._scatter(full)))[free]
+
+        start = np.random.default_rng(0).standard_normal(n)
+        values, vectors = eigsh(
+            LinearOperator((n, n), matvec=product, dtype=np.float64),
+            k=n_lowest,
+            sigma=-shift,
+            OPinv=LinearOperator((n, n), matvec=inverse, dtype=np.float64),
+            v0=start,
+        )
+        order = np.argsort(values)
+        return values[order], vectors[:, order]
+
+    def _gather(self, field: FloatArray) -> FloatArray:
+        return np.where(self.arrays.free, field, 0.0)[self.pattern.block_node].ravel()
+
+    def _scatter(self, vector: FloatArray) -> FloatArray:
+        field = np.zeros((self.arrays.n_nodes, 3))
+        field[self.pattern.block_node] = vector.reshape(-1, 3)
+        return field
+
+    def _solve_filled(self, rhs: FloatArray) -> FloatArray:
+        """Solve with the filled part A alone; `rhs` has shape ``(n,)`` or ``(n, n_columns)``."""
+        columns = rhs.reshape(len(rhs), -1).copy()
+        for c in range(columns.shape[1]):
+            column = np.ascontiguousarray(columns[:, c : c + 1])
+            kernels.solve(
+                self.pattern.column_start, self.pattern.row, self._blocks, self._pivot_inverse, column
+            )
+            columns[:, c] = column[:, 0]
+        return columns.reshape(rhs.shape)
+
+    def _low_rank_columns(self) -> tuple[FloatArray, FloatArray]:
+        """Return B over the elimination order, ``(3 n_blocks, n_taut)``, and k of its taut columns."""
+        arrays, pattern = self.arrays, self.pattern
+        members = pattern.low_rank_member[self.taut[pattern.low_rank_member]]
+        columns = np.zeros((3 * pattern.n_blocks, len(members)))
+        for c, e in enumerate(members):
+            nodes = pattern.path_node[pattern.path_start[e] : pattern.path_start[e + 1]]
+            gradient = np.zeros((3 * len(nodes), 1))
+            kernels.path_gradient(
+                self._unit,
+                arrays.segment_start[e],
+                arrays.segment_start[e + 1],
+                pattern.segment_local,
+                gradient,
+            )
+            field = np.zeros((arrays.n_nodes, 3))
+            field[nodes] = gradient.reshape(-1, 3)
+            columns[:, c] = self._gather(field)
+        return columns, self.axial[members]
+
+    def _factorise_low_rank(self) -> int:
+        """Factorise the capacitance matrix S = diag(1/k) + Bᵀ A⁻¹ B.
+
+        By Sylvester's law on [[A, B], [Bᵀ, −diag(1/k)]], K has as many negative eigenvalues as A
+        less those of S; the correction (≤ 0) is returned.
+        """
+        self._low_rank = None
+        if not len(self.pattern.low_rank_member):
+            return 0
+        columns, axial = self._low_rank_columns()
+        if not len(axial):
+            return 0
+        solved = self._solve_filled(columns)
+        capacitance = np.diag(1.0 / axial) + columns.T @ solved
+        self._low_rank = columns, solved, capacitance
+        symmetric = 0.5 * (capacitance + capacitance.T)
+        return -int((np.linalg.eigvalsh(symmetric) < 0.0).sum())
