@@ -1,5 +1,6 @@
 """Mechanics: how a structure balances, along a path, with proof."""
 
+from tensegra.mechanics.batch import Batch, solve_batch
 from tensegra.mechanics.follow import PathSettings
 from tensegra.mechanics.path import solve_path
 from tensegra.mechanics.results import (
@@ -12,6 +13,7 @@ from tensegra.mechanics.results import (
 )
 
 __all__ = [
+    "Batch",
     "CriticalPoint",
     "Equilibrium",
     "EquilibriumPath",
@@ -19,5 +21,6 @@ __all__ = [
     "PathSettings",
     "SlackEvent",
     "Status",
+    "solve_batch",
     "solve_path",
 ]

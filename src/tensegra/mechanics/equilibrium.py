@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegra.mechanics.arrays import FloatArray
+from tensegra.mechanics.arrays import BoolArray, FloatArray
 from tensegra.mechanics.tangent import Tangent
 
 RESIDUAL_TOLERANCE = 1e-9
@@ -64,9 +64,11 @@ class Attempt:
     flat: bool = False
 
 
-def unbalanced(tangent: Tangent, nodes: FloatArray, load: Load) -> tuple[FloatArray, float]:
+def unbalanced(
+    tangent: Tangent, nodes: FloatArray, load: Load, taut: BoolArray | None = None
+) -> tuple[FloatArray, float]:
     """Measure at `nodes`; return f − p over the free coordinates and its relative size."""
-    force = tangent.measure(nodes, load.rest_length, load.stiffness)
+    force = tangent.measure(nodes, load.rest_length, load.stiffness, taut)
     free = tangent.arrays.free
     out = np.where(free, force - load.force, 0.0)
     scale = max(
@@ -82,11 +84,19 @@ def newton(
     nodes: FloatArray,
     load: Load,
     *,
+    tension: FloatArray | None = None,
     max_iterations: int = 12,
     largest_move: float = np.inf,
     slowest_contraction: float = np.inf,
 ) -> Attempt:
-    """Solve f = p by Newton's method from the positions `nodes`.
+    """Solve f = p by Newton's method in positions and tensions, from the positions `nodes`.
+
+    The tensions are unknowns beside the positions, with ℓ(x) − l₀ = T/k as their equations, and
+    are eliminated before each solve. What differs from Newton's method in the positions alone is
+    that K is built with the tensions as the last solve predicts them, T = k (ℓ − l₀ + b·u), not
+    with those of stretches that are still wrong by the square of a rotation. A stiff strut that
+    turns no longer spoils K, and a cable goes slack by what it will carry (after Magisano,
+    Leonetti & Garcea 2017, doi:10.1016/j.cma.2016.10.043).
 
     Parameters
     ----------
@@ -96,34 +106,47 @@ def newton(
         First guess, held coordinates at their prescribed values, shape ``(n_nodes, 3)``.
     load
         Rest lengths, stiffness and forces.
+    tension
+        First guess of the tensions, shape ``(n_members,)``; those of `nodes` where left out.
     max_iterations
         Solves after which it gives up.
     largest_move
         Distance from the guess, of any coordinate, beyond which it gives up.
     slowest_contraction
-        Ratio of successive corrections above which it gives up.
+        Ratio of successive corrections above which it gives up; the first is not compared, it
+        takes back what the guess stretched.
     """
     x = nodes
-    out, residual = unbalanced(tangent, x, load)
+    is_cable = tangent.arrays.is_cable
     last_move = np.inf
     for iteration in range(max_iterations):
-        tangent.factorise()
+        if tension is None:
+            out, residual = unbalanced(tangent, x, load)
+        else:
+            out, residual = unbalanced(tangent, x, load, taut=~is_cable | (tension > 0.0))
+            tangent.stress = tension
         if residual <= RESIDUAL_TOLERANCE:
-            return _polished(tangent, x, load, out, residual, iteration)
+            out, residual = unbalanced(tangent, x, load)
+            if residual <= RESIDUAL_TOLERANCE:
+                tangent.factorise()
+                return _polished(tangent, x, load, out, residual, iteration)
+        tangent.factorise()
         correction = tangent.solve(-out)
-        move = float(np.abs(correction).max())
+        move = float(np.abs(correction).max(initial=0.0))
         trial = x + correction
         if (
             not np.isfinite(move)
-            or move > slowest_contraction * last_move
-            or np.abs(trial - nodes).max() > largest_move
+            or (iteration > 1 and move > slowest_contraction * last_move)
+            or np.abs(trial - nodes).max(initial=0.0) > largest_move
         ):
             return Attempt(x, converged=False, residual=residual, iterations=iteration + 1)
+        stretch = tangent.length - load.rest_length + tangent.length_rate(correction)
+        tension = load.stiffness / load.rest_length * stretch
+        tension[is_cable & (tension < 0.0)] = 0.0
         x, last_move = trial, move
-        out, residual = unbalanced(tangent, x, load)
-    converged = residual <= RESIDUAL_TOLERANCE
+    out, residual = unbalanced(tangent, x, load)
     tangent.factorise()
-    return Attempt(x, converged=converged, residual=residual, iterations=max_iterations)
+    return Attempt(x, residual <= RESIDUAL_TOLERANCE, residual, max_iterations)
 
 
 def _polished(

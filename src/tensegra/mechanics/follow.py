@@ -83,6 +83,7 @@ class StageFollower:
         self.settings = settings
         self.arrays = tangent.arrays
         self.largest_move = settings.largest_move * self.arrays.size
+        self._last: tuple[float, FloatArray] | None = None
 
     def load_at(self, parameter: float) -> Load:
         """Return what acts at the path parameter."""
@@ -94,14 +95,18 @@ class StageFollower:
         """Return `nodes` with the held coordinates where the supports are at the parameter."""
         return np.where(self.arrays.free, nodes, self.inputs.positions_at(parameter))
 
-    def velocity(self, parameter: float) -> FloatArray:
-        """Return dx/dλ at the last measured and factorised equilibrium, shape ``(n_nodes, 3)``."""
+    def velocity(self, parameter: float) -> tuple[FloatArray, FloatArray]:
+        """Return dx/dλ, ``(n_nodes, 3)``, and dT/dλ, ``(n_members,)``.
+
+        The equilibrium at `parameter` has to be the one last measured and factorised.
+        """
         inputs, tangent = self.inputs, self.tangent
         held = np.where(self.arrays.free, 0.0, inputs.positions_end - inputs.positions_start)
         rest_length = inputs.rest_length_at(parameter)
         tension_rate = -tangent.axial * tangent.length / rest_length * inputs.rest_length_rate(parameter)
         force_rate = tangent.force_rate(held, tension_rate) - (inputs.loads_end - inputs.loads_start)
-        return tangent.solve(-force_rate) + held
+        velocity = tangent.solve(-force_rate) + held
+        return velocity, tangent.axial * tangent.length_rate(velocity) + tension_rate
 
     def run(self, name: str, nodes: FloatArray) -> StageRun:
         """Follow the stage from the equilibrium `nodes` at λ = 0."""
@@ -122,9 +127,10 @@ class StageFollower:
 
     def _advance(self, run: StageRun, step: float) -> float:
         """Take one step, as large as it may be, and return the next."""
-        velocity = self.velocity(run.parameter)
+        velocity, tension_rate = self.velocity(run.parameter)
         speed = float(np.abs(velocity).max())
-        taut = self.tangent.taut.copy()
+        taut, tension = self.tangent.taut.copy(), self.tangent.tension.copy()
+        bend = self._bend(run, velocity)
         step = min(step, self.largest_move / speed if speed > 0.0 else 1.0)
         cut = False
         while step >= self.settings.smallest_step or run.parameter + step >= 1.0:
@@ -132,17 +138,20 @@ class StageFollower:
             if 1.0 - parameter < self.settings.smallest_step:
                 parameter = 1.0
             increment = parameter - run.parameter
-            guess = self.with_supports(run.nodes + increment * velocity, parameter)
+            move = increment * velocity + 0.5 * increment**2 * bend
+            guess = self.with_supports(run.nodes + move, parameter)
             attempt = newton(
                 self.tangent,
                 guess,
                 self.load_at(parameter),
+                tension=tension + increment * tension_rate,
                 largest_move=0.5 * increment * speed + 0.1 * self.largest_move,
                 slowest_contraction=self.settings.contraction,
             )
             run.iterations += attempt.iterations
             if attempt.converged and self.tangent.n_negative == 0:
                 correction = float(np.abs(attempt.nodes - guess).max())
+                self._last = run.parameter, velocity
                 run.nodes, run.parameter = attempt.nodes, parameter
                 self._record(run, taut, attempt.iterations)
                 return self._next_step(increment, correction, increment * speed, cut=cut)
@@ -152,6 +161,13 @@ class StageFollower:
                 break
         self._end_of_branch(run, taut)
         return self.settings.first_step
+
+    def _bend(self, run: StageRun, velocity: FloatArray) -> FloatArray:
+        """Estimate d²x/dλ² from the last two velocities: a predictor of second order."""
+        if self._last is None:
+            return np.zeros_like(velocity)
+        parameter, before = self._last
+        return (velocity - before) / (run.parameter - parameter)
 
     def _next_step(self, increment: float, correction: float, predicted: float, *, cut: bool) -> float:
         """Aim at a correction of a tenth of the predicted move: the error grows with the square."""
@@ -212,10 +228,11 @@ class StageFollower:
     def velocity_from(self, parameter: float) -> FloatArray:
         """Return dx/dλ after factorising K at the last measure."""
         self.tangent.factorise()
-        return self.velocity(parameter)
+        return self.velocity(parameter)[0]
 
     def _leave_branch(self, run: StageRun, kind: str, before: FloatArray) -> bool:
         """Settle just beyond the end of the branch; return whether the path can go on from there."""
+        self._last = None
         parameter = min(1.0, run.parameter + 2.0 * self.settings.smallest_step)
         fallen = self.fall(run, before, parameter)
         if fallen.flat:

@@ -19,7 +19,7 @@ def measure(
     x: FloatArray,
     rest_length: FloatArray,
     stiffness: FloatArray,
-    is_cable: BoolArray,
+    taut: BoolArray,
     segment_nodes: IndexArray,
     segment_start: IndexArray,
     unit: FloatArray,
@@ -31,7 +31,8 @@ def measure(
     """Measure all members at the positions `x`.
 
     Fills, per lane: `unit` n (3 n_segments), `inverse_length` 1/s (n_segments), `length` ℓ,
-    `tension` T and `axial` k (n_members); T and k are zero for a slack cable.
+    `tension` T and `axial` k (n_members). T and k are those of a linear member where `taut` says
+    that it carries force, and zero elsewhere; the caller keeps `taut` in step with the signs of T.
     """
     lanes = x.shape[1]
     for e in range(segment_start.size - 1):
@@ -50,13 +51,10 @@ def measure(
                 unit[3 * s + 2, a] = dz * inverse
                 inverse_length[s, a] = inverse
                 length[e, a] += distance
-        cable = is_cable[e]
         for a in range(lanes):
-            k = stiffness[e, a] / rest_length[e, a]
-            t = k * (length[e, a] - rest_length[e, a])
-            carries = 0.0 if cable and t <= 0.0 else 1.0
-            tension[e, a] = t * carries
-            axial[e, a] = k * carries
+            k = stiffness[e, a] / rest_length[e, a] if taut[e, a] else 0.0
+            tension[e, a] = k * (length[e, a] - rest_length[e, a])
+            axial[e, a] = k
 
 
 @njit

@@ -33,6 +33,9 @@ class Tangent:
     ----------
     length, tension, axial
         Path lengths ℓ, tensions T and k = EA/l₀ (both zero where slack) of the last `measure`.
+    stress
+        Tensions in the geometric part T ∂²ℓ/∂x² of K: those of the last `measure` unless the
+        caller puts others in their place before it factorises.
     n_negative
         Negative eigenvalues of K (+ shift) found by the last `factorise`.
     """
@@ -44,7 +47,9 @@ class Tangent:
         self._unit = np.zeros((3 * segments, 1))
         self._inverse_length = np.zeros((segments, 1))
         self._length = np.zeros((members, 1))
+        self._taut = np.ones((members, 1), dtype=np.bool_)
         self._tension = np.zeros((members, 1))
+        self._stress = self._tension
         self._axial = np.zeros((members, 1))
         self._force = np.zeros((3 * arrays.n_nodes, 1))
         self._blocks = np.zeros((9 * self.pattern.n_entries, 1))
@@ -66,6 +71,15 @@ class Tangent:
         return self._tension[:, 0]
 
     @property
+    def stress(self) -> FloatArray:
+        """Tensions that the geometric stiffness is built with, shape ``(n_members,)``."""
+        return self._stress[:, 0]
+
+    @stress.setter
+    def stress(self, tension: FloatArray) -> None:
+        self._stress = np.ascontiguousarray(tension).reshape(-1, 1)
+
+    @property
     def axial(self) -> FloatArray:
         """EA/l₀, zero where slack, shape ``(n_members,)``."""
         return self._axial[:, 0]
@@ -76,14 +90,32 @@ class Tangent:
         taut: BoolArray = self.axial > 0.0
         return taut
 
-    def measure(self, x: FloatArray, rest_length: FloatArray, stiffness: FloatArray) -> FloatArray:
-        """Measure all members at the positions `x` and return the internal force, ``(n_nodes, 3)``."""
+    def measure(
+        self,
+        x: FloatArray,
+        rest_length: FloatArray,
+        stiffness: FloatArray,
+        taut: BoolArray | None = None,
+    ) -> FloatArray:
+        """Measure all members at the positions `x` and return the internal force, ``(n_nodes, 3)``.
+
+        Parameters
+        ----------
+        x
+            Positions, shape ``(n_nodes, 3)``.
+        rest_length, stiffness
+            Effective rest lengths and EA, shape ``(n_members,)``.
+        taut
+            Which members carry force, shape ``(n_members,)``; by the sign of their tension (every
+            strut, and every cable longer than its rest length) where left out.
+        """
         arrays = self.arrays
+        self._taut[:, 0] = True if taut is None else taut
         kernels.measure(
             np.ascontiguousarray(x).reshape(-1, 1),
             np.ascontiguousarray(rest_length).reshape(-1, 1),
             np.ascontiguousarray(stiffness).reshape(-1, 1),
-            arrays.is_cable,
+            self._taut,
             arrays.segment_nodes,
             arrays.segment_start,
             self._unit,
@@ -92,6 +124,11 @@ class Tangent:
             self._tension,
             self._axial,
         )
+        if taut is None:
+            slack = arrays.is_cable & (self.tension <= 0.0)
+            self._tension[slack] = 0.0
+            self._axial[slack] = 0.0
+        self._stress = self._tension
         kernels.internal_force(
             self._unit, self._tension, arrays.segment_nodes, arrays.segment_start, self._force
         )
@@ -139,7 +176,7 @@ class Tangent:
         kernels.assemble(
             self._unit,
             self._inverse_length,
-            self._tension,
+            self._stress,
             self._axial,
             arrays.segment_nodes,
             arrays.segment_start,
