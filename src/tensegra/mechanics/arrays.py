@@ -5,6 +5,7 @@ inputs that change along a path (`tensegra.mechanics.inputs`), stands in one `St
 """
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,8 @@ class StructureArrays:
         First and second node of each segment, shape ``(n_segments, 2)``.
     segment_start
         Row of the first segment of each member, shape ``(n_members + 1,)``.
+    moving
+        True for a member that touches a node that can move, shape ``(n_members,)``.
     is_cable
         True for a member that carries no compression, shape ``(n_members,)``.
     stiffness
@@ -57,6 +60,7 @@ class StructureArrays:
     free: BoolArray
     segment_nodes: IndexArray
     segment_start: IndexArray
+    moving: BoolArray
     is_cable: BoolArray
     stiffness: FloatArray
     rest_length: FloatArray
@@ -111,7 +115,7 @@ def structure_arrays(structure: Structure) -> StructureArrays:
     segment_start = [0]
     for member in structure.members.values():
         path = [node_index[node] for node in member.nodes]
-        segments.extend(zip(path[:-1], path[1:], strict=True))
+        segments.extend(pairwise(path))
         segment_start.append(len(segments))
     segment_nodes = np.array(segments, dtype=np.int64)
     starts = np.array(segment_start, dtype=np.int64)
@@ -130,6 +134,7 @@ def structure_arrays(structure: Structure) -> StructureArrays:
         free=free,
         segment_nodes=segment_nodes,
         segment_start=starts,
+        moving=np.logical_or.reduceat(np.any(free[segment_nodes], axis=(1, 2)), starts[:-1]),
         is_cable=np.array([member.kind == "cable" for member in structure.members.values()]),
         stiffness=np.array([structure.axial_stiffness(member) for member in member_ids]),
         rest_length=np.array([member.rest_length for member in structure.members.values()]),

@@ -13,7 +13,7 @@ from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray
 from tensegra.mechanics.follow import PathSettings
 from tensegra.mechanics.inputs import Actuation, members_named
 from tensegra.mechanics.path import Prepared, actuate, prepare
-from tensegra.mechanics.results import EquilibriumPath, Status, axis_index
+from tensegra.mechanics.results import EquilibriumPath, axis_index
 from tensegra.structure import Structure
 
 Coordinate = tuple[str, str]

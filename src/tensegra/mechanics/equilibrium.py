@@ -18,7 +18,13 @@ RESIDUAL_TOLERANCE = 1e-9
 POLISH_TOLERANCE = 1e-14
 """Iterations go on to this residual as long as they improve it: what rounding leaves."""
 
-FLAT_TENSION = 1e-9
+ENERGY_ROUNDING = 1e-13
+"""Relative differences of the energy below this are rounding: then the residual decides."""
+
+SMALLEST_SHIFT, LARGEST_SHIFT = 1e-9, 1e6
+"""Range of the shift μ of a descent, as shares of the largest diagonal entry of K."""
+
+FLAT_TENSION = 1e-10
 """Tensions below this share of the reference tension are none: the prestress is lost."""
 
 
@@ -171,6 +177,12 @@ def potential(tangent: Tangent, nodes: FloatArray, load: Load) -> float:
     return tangent.energy(load.rest_length) - float(np.sum(load.force * nodes, where=free))
 
 
+def carried_tension(tangent: Tangent, load: Load) -> tuple[float, bool]:
+    """Return the largest tension in members that can move, and whether any force acts on the free nodes."""
+    carried = float(np.abs(tangent.tension[tangent.arrays.moving]).max(initial=0.0))
+    return carried, bool(np.any(load.force[tangent.arrays.free] != 0.0))
+
+
 def descend(
     tangent: Tangent,
     nodes: FloatArray,
@@ -188,61 +200,66 @@ def descend(
 
     Parameters
     ----------
+    tangent
+        Workspace; left measured at the result, and factorised unless it is flat.
+    nodes
+        Where the fall begins, held coordinates at their prescribed values, shape ``(n_nodes, 3)``.
+    load
+        Rest lengths, stiffness and forces.
     reference_tension
         What counts as much: tensions below `FLAT_TENSION` of it, without loads, are a collapse.
     largest_move
         Bound on a single move, unit of length.
+    max_iterations
+        Steps after which it gives up.
     """
-    free = tangent.arrays.free
-    movable = free.any(axis=1)
-    segments = tangent.arrays.segment_nodes
-    touches = np.logical_or.reduceat(movable[segments].any(axis=1), tangent.arrays.segment_start[:-1])
-    loaded = bool(np.abs(load.force[free]).max(initial=0.0) > 0.0)
     x = nodes
     out, residual = unbalanced(tangent, x, load)
     energy = potential(tangent, x, load)
     shift = 0.0
     for iteration in range(max_iterations):
-        carried = np.abs(tangent.tension[touches]).max(initial=0.0)
+        carried, loaded = carried_tension(tangent, load)
         if not loaded and carried <= FLAT_TENSION * reference_tension:
             return Attempt(x, converged=True, residual=residual, iterations=iteration, flat=True)
         n_negative = tangent.factorise()
-        if residual <= RESIDUAL_TOLERANCE:
-            if n_negative == 0:
-                return _polished(tangent, x, load, out, residual, iteration)
-            out = out + _downhill(tangent, out)
-        if n_negative > 0 or shift > 0.0:
-            shift = max(shift, 1e-9 * tangent.stiffness_scale)
-            while tangent.factorise(shift) > 0:
-                shift *= 4.0
-        step = tangent.solve(-out)
-        while not np.abs(step).max() <= largest_move:
-            shift = max(4.0 * shift, 1e-9 * tangent.stiffness_scale)
-            if tangent.factorise(shift) == 0:
-                step = tangent.solve(-out)
+        if residual <= RESIDUAL_TOLERANCE and n_negative == 0:
+            return _polished(tangent, x, load, out, residual, iteration)
+        push = out + _downhill(tangent, out) if residual <= RESIDUAL_TOLERANCE else out
+        step, shift = _bounded_step(tangent, push, shift, largest_move)
         trial = x + step
         trial_out, trial_residual = unbalanced(tangent, trial, load)
         trial_energy = potential(tangent, trial, load)
-        slope = float(np.sum(out * step))
-        rounding = 1e-13 * max(abs(energy), abs(trial_energy))
-        if trial_energy <= energy + 1e-4 * slope or (
-            trial_energy <= energy + rounding and trial_residual < residual
-        ):
+        falls = trial_energy <= energy + 1e-4 * float(np.sum(push * step))
+        level = trial_energy <= energy + ENERGY_ROUNDING * max(abs(energy), abs(trial_energy))
+        if falls or (level and trial_residual < residual):
             x, out, residual, energy = trial, trial_out, trial_residual, trial_energy
             shift = 0.2 * shift if shift > 1e-10 * tangent.stiffness_scale else 0.0
         else:
             out, residual = unbalanced(tangent, x, load)
-            shift = max(5.0 * shift, 1e-9 * tangent.stiffness_scale)
-            if shift > 1e6 * tangent.stiffness_scale:
+            shift = max(5.0 * shift, SMALLEST_SHIFT * tangent.stiffness_scale)
+            if shift > LARGEST_SHIFT * tangent.stiffness_scale:
                 break
-    converged = residual <= RESIDUAL_TOLERANCE
-    return Attempt(x, converged=converged, residual=residual, iterations=max_iterations)
+    tangent.factorise()
+    return Attempt(x, residual <= RESIDUAL_TOLERANCE and tangent.n_negative == 0, residual, max_iterations)
+
+
+def _bounded_step(
+    tangent: Tangent, push: FloatArray, shift: float, largest_move: float
+) -> tuple[FloatArray, float]:
+    """Return the shifted Newton step and the shift that made it downhill and short enough."""
+    while True:
+        if tangent.factorise(shift) == 0:
+            step = tangent.solve(-push)
+            if np.abs(step).max(initial=0.0) <= largest_move:
+                return step, shift
+        shift = max(4.0 * shift, SMALLEST_SHIFT * tangent.stiffness_scale)
 
 
 def _downhill(tangent: Tangent, out: FloatArray) -> FloatArray:
     """Return a small force along the lowest mode, to leave a saddle on its lower side."""
-    tangent_modes = tangent.spectrum(1)
-    mode = tangent_modes.vectors[0]
-    side = np.sign(np.sum(mode * out)) or 1.0
-    amplitude = 1e-3 * abs(tangent_modes.values[0]) * tangent.arrays.size
-    return side * amplitude * mode / np.abs(mode).max()
+    spectrum = tangent.spectrum(1)
+    mode = spectrum.vectors[0]
+    side = float(np.sign(np.sum(mode * out))) or 1.0
+    amplitude = 1e-3 * abs(float(spectrum.values[0])) * tangent.arrays.size
+    push: FloatArray = side * amplitude / np.abs(mode).max() * mode
+    return push

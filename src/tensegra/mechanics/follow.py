@@ -1,7 +1,8 @@
 """Follow one stage: adaptive steps along the branch of stable equilibria.
 
-A step is a tangent predictor and a Newton corrector. It is taken back and cut where the corrector
-does not contract, moves the structure far, or lands where K is not positive definite any more.
+A step is a predictor of second order and a Newton corrector. It is taken back and cut where the
+corrector does not contract, moves the structure far from the guess, or lands where K is not
+positive definite any more. Where a cable goes slack or comes taut on the way, the step ends there.
 Where no step is small enough the stable branch has ended: the point is located, named, and the
 policy decides whether the path stops there or the structure settles into the equilibrium below.
 """
@@ -11,13 +12,28 @@ from typing import Literal
 
 import numpy as np
 
-from tensegra.mechanics.arrays import FloatArray
-from tensegra.mechanics.equilibrium import FLAT_TENSION, Attempt, Load, descend, newton, unbalanced
+from tensegra.mechanics.arrays import BoolArray, FloatArray
+from tensegra.mechanics.equilibrium import (
+    FLAT_TENSION,
+    Attempt,
+    Load,
+    carried_tension,
+    descend,
+    newton,
+    potential,
+    unbalanced,
+)
 from tensegra.mechanics.inputs import StageInputs
 from tensegra.mechanics.results import CriticalPoint, PathPoint, SlackEvent, Status
 from tensegra.mechanics.tangent import Tangent
 
-Policy = Literal["settle", "stop"]
+Policy = Literal["settle", "stop", "trace"]
+
+SNAP = 1e-4
+"""A fall that moves no node by this share of the structure's size has not left the branch."""
+
+PRESTRESS_GONE = 1e-3
+"""Where the branch ends with less than this share of the reference tension left, it is a collapse."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +44,7 @@ class PathSettings:
     ----------
     policy
         What to do where the stable branch ends: ``settle`` into the stable equilibrium that a
-        slowly loaded structure falls into, or ``stop``.
+        slowly loaded structure falls into, ``stop``, or ``trace`` the unstable branch by arc length.
     first_step
         First increment of the path parameter.
     smallest_step
@@ -64,6 +80,33 @@ class StageRun:
     slack_events: list[SlackEvent] = field(default_factory=list)
     history: list[PathPoint] = field(default_factory=list)
 
+    @property
+    def goes_on(self) -> bool:
+        """Whether the end of the stage is still ahead."""
+        return self.parameter < 1.0 and self.outcome in (Status.STABLE, Status.SNAPPED)
+
+    def end(self, outcome: Status, reason: str) -> None:
+        """Set the outcome and the reason for it."""
+        self.outcome, self.reason = outcome, reason
+
+
+@dataclass(frozen=True, eq=False)
+class Departure:
+    """An accepted point with its derivatives by λ: where the next step starts."""
+
+    parameter: float
+    nodes: FloatArray
+    tension: FloatArray
+    taut: BoolArray
+    velocity: FloatArray
+    tension_rate: FloatArray
+    bend: FloatArray
+
+    @property
+    def speed(self) -> float:
+        """Largest velocity of a coordinate."""
+        return float(np.abs(self.velocity).max(initial=0.0))
+
 
 class StageFollower:
     """Follows one stage of a structure from an equilibrium at λ = 0 to λ = 1."""
@@ -83,13 +126,11 @@ class StageFollower:
         self.settings = settings
         self.arrays = tangent.arrays
         self.largest_move = settings.largest_move * self.arrays.size
-        self._last: tuple[float, FloatArray] | None = None
+        self._last: Departure | None = None
 
     def load_at(self, parameter: float) -> Load:
         """Return what acts at the path parameter."""
-        return Load(
-            self.inputs.rest_length_at(parameter), self.stiffness, self.inputs.loads_at(parameter)
-        )
+        return Load(self.inputs.rest_length_at(parameter), self.stiffness, self.inputs.loads_at(parameter))
 
     def with_supports(self, nodes: FloatArray, parameter: float) -> FloatArray:
         """Return `nodes` with the held coordinates where the supports are at the parameter."""
@@ -108,66 +149,120 @@ class StageFollower:
         velocity = tangent.solve(-force_rate) + held
         return velocity, tangent.axial * tangent.length_rate(velocity) + tension_rate
 
-    def run(self, name: str, nodes: FloatArray) -> StageRun:
-        """Follow the stage from the equilibrium `nodes` at λ = 0."""
+    def start(self, name: str, nodes: FloatArray) -> StageRun:
+        """Begin a stage at the equilibrium `nodes`; one that does not stand falls at once."""
         run = StageRun(name, nodes)
-        start = newton(self.tangent, nodes, self.load_at(0.0), max_iterations=4)
-        if start.converged and self.tangent.n_negative == 0:
-            run.nodes = start.nodes
-        elif not self._leave_branch(run, "unstable start", nodes):
+        attempt = newton(self.tangent, nodes, self.load_at(0.0), max_iterations=4)
+        if attempt.converged and self.tangent.n_negative == 0:
+            run.nodes = attempt.nodes
+        elif not self._settle(run, "unstable start"):
             return run
         self._record(run, self.tangent.taut, 0)
+        return run
+
+    def run(self, name: str, nodes: FloatArray) -> StageRun:
+        """Follow the stage from the equilibrium `nodes` at λ = 0."""
+        run = self.start(name, nodes)
         step = self.settings.first_step
-        while run.parameter < 1.0 and run.outcome in (Status.STABLE, Status.SNAPPED):
+        while run.goes_on:
             step = self._advance(run, step)
             if run.steps >= self.settings.max_steps:
-                run.outcome = Status.FAILED
-                run.reason = f"no end after {run.steps} steps, at {100 * run.parameter:.4g} % of the stage"
+                run.end(Status.FAILED, f"{run.steps} steps end at {100 * run.parameter:.4g} % of the stage")
         return run
 
     def _advance(self, run: StageRun, step: float) -> float:
         """Take one step, as large as it may be, and return the next."""
-        velocity, tension_rate = self.velocity(run.parameter)
-        speed = float(np.abs(velocity).max())
-        taut, tension = self.tangent.taut.copy(), self.tangent.tension.copy()
-        bend = self._bend(run, velocity)
-        step = min(step, self.largest_move / speed if speed > 0.0 else 1.0)
+        here = self._departure(run)
+        step = min(step, self.largest_move / here.speed if here.speed > 0.0 else 1.0)
         cut = False
-        while step >= self.settings.smallest_step or run.parameter + step >= 1.0:
+        while True:
             parameter = min(1.0, run.parameter + step)
             if 1.0 - parameter < self.settings.smallest_step:
                 parameter = 1.0
             increment = parameter - run.parameter
-            move = increment * velocity + 0.5 * increment**2 * bend
-            guess = self.with_supports(run.nodes + move, parameter)
-            attempt = newton(
-                self.tangent,
-                guess,
-                self.load_at(parameter),
-                tension=tension + increment * tension_rate,
-                largest_move=0.5 * increment * speed + 0.1 * self.largest_move,
-                slowest_contraction=self.settings.contraction,
-            )
+            guess, attempt = self._attempt(here, parameter)
             run.iterations += attempt.iterations
             if attempt.converged and self.tangent.n_negative == 0:
-                correction = float(np.abs(attempt.nodes - guess).max())
-                self._last = run.parameter, velocity
+                correction = float(np.abs(attempt.nodes - guess).max(initial=0.0))
+                parameter, attempt = self._first_event(run, here, parameter, attempt)
+                self._last = here
                 run.nodes, run.parameter = attempt.nodes, parameter
-                self._record(run, taut, attempt.iterations)
-                return self._next_step(increment, correction, increment * speed, cut=cut)
-            cut = True
-            step = 0.4 * increment
+                self._record(run, here.taut, attempt.iterations)
+                return self._next_step(increment, correction, increment * here.speed, cut=cut)
+            cut, step = True, 0.4 * increment
             if step < self.settings.smallest_step:
                 break
-        self._end_of_branch(run, taut)
+        self._end_of_branch(run, here)
         return self.settings.first_step
 
-    def _bend(self, run: StageRun, velocity: FloatArray) -> FloatArray:
-        """Estimate d²x/dλ² from the last two velocities: a predictor of second order."""
-        if self._last is None:
-            return np.zeros_like(velocity)
-        parameter, before = self._last
-        return (velocity - before) / (run.parameter - parameter)
+    def _departure(self, run: StageRun) -> Departure:
+        """Differentiate at the point last accepted; curvature comes from the two last velocities."""
+        velocity, tension_rate = self.velocity(run.parameter)
+        taut = self.tangent.taut
+        bend = np.zeros_like(velocity)
+        last = self._last
+        if last is not None and run.parameter > last.parameter and np.array_equal(last.taut, taut):
+            bend = (velocity - last.velocity) / (run.parameter - last.parameter)
+        return Departure(
+            run.parameter, run.nodes, self.tangent.tension.copy(), taut, velocity, tension_rate, bend
+        )
+
+    def _attempt(self, here: Departure, parameter: float) -> tuple[FloatArray, Attempt]:
+        """Predict and correct; return the guess and the outcome."""
+        increment = parameter - here.parameter
+        move = increment * here.velocity + 0.5 * increment**2 * here.bend
+        guess = self.with_supports(here.nodes + move, parameter)
+        attempt = newton(
+            self.tangent,
+            guess,
+            self.load_at(parameter),
+            tension=here.tension + increment * here.tension_rate,
+            largest_move=0.5 * increment * here.speed + 0.1 * self.largest_move,
+            slowest_contraction=self.settings.contraction,
+        )
+        return guess, attempt
+
+    def _first_event(
+        self, run: StageRun, here: Departure, parameter: float, attempt: Attempt
+    ) -> tuple[float, Attempt]:
+        """Shorten an accepted step to the first change between slack and taut within it.
+
+        The event is bracketed from both sides in turn, close to where the elongations of the
+        members that change vanish by interpolation, and by halving where that does not help; the
+        point returned lies behind it by the smallest step at most. Where a point on the way is not
+        reached, the step ends at the nearest that was.
+        """
+        before, after = here.parameter, parameter
+        gap_before, gap_after = self._gaps(here.nodes, before), self._gaps(attempt.nodes, after)
+        reached, margin, halve = attempt, 0.02, False
+        changed = np.flatnonzero(self.tangent.taut != here.taut)
+        while len(changed) and after - before > self.settings.smallest_step:
+            shares = gap_before[changed] / (gap_before[changed] - gap_after[changed])
+            share = float(np.min(shares, where=np.isfinite(shares), initial=1.0)) + margin
+            share = 0.5 if halve else min(0.98, max(0.02, share))
+            width, aim = after - before, before + share * (after - before)
+            _, trial = self._attempt(here, aim)
+            run.iterations += trial.iterations
+            if not (trial.converged and self.tangent.n_negative == 0):
+                break
+            changes = np.flatnonzero(self.tangent.taut != here.taut)
+            if len(changes):
+                after, gap_after, reached, changed = aim, self._gaps(trial.nodes, aim), trial, changes
+            else:
+                before, gap_before = aim, self._gaps(trial.nodes, aim)
+            margin, halve = -margin, after - before > 0.5 * width and not halve
+        if reached is not attempt or len(changed):
+            unbalanced(self.tangent, reached.nodes, self.load_at(after))
+            self.tangent.factorise()
+        return after, reached
+
+    def _gaps(self, nodes: FloatArray, parameter: float) -> FloatArray:
+        """Elongations ℓ − l₀ of all members at a position."""
+        ends = nodes[self.arrays.segment_nodes]
+        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        total = np.add.reduceat(lengths, self.arrays.segment_start[:-1])
+        gaps: FloatArray = total - self.inputs.rest_length_at(parameter)
+        return gaps
 
     def _next_step(self, increment: float, correction: float, predicted: float, *, cut: bool) -> float:
         """Aim at a correction of a tenth of the predicted move: the error grows with the square."""
@@ -177,92 +272,70 @@ class StageFollower:
         factor = min(3.0, max(0.5, aim / correction)) if correction > 0.0 else 3.0
         return increment * factor
 
-    def _record(self, run: StageRun, taut_before: np.ndarray, iterations: int) -> None:
-        changed = np.flatnonzero(self.tangent.taut != taut_before)
-        for e in changed:
+    def _record(self, run: StageRun, taut_before: BoolArray, iterations: int) -> None:
+        for e in np.flatnonzero(self.tangent.taut != taut_before):
             becomes = "taut" if self.tangent.taut[e] else "slack"
-            run.slack_events.append(
-                SlackEvent(run.name, run.parameter, self.arrays.member_ids[e], becomes)
-            )
+            run.slack_events.append(SlackEvent(run.name, run.parameter, self.arrays.member_ids[e], becomes))
         run.steps += 1
-        run.history.append(
-            PathPoint(run.name, run.parameter, run.nodes, self.tangent.tension.copy(), iterations)
-        )
+        tension = self.tangent.tension.copy()
+        run.history.append(PathPoint(run.name, run.parameter, run.nodes, tension, iterations))
 
-    def _end_of_branch(self, run: StageRun, taut: np.ndarray) -> None:
+    def _end_of_branch(self, run: StageRun, here: Departure) -> None:
         """Name the point where the stable branch ends and do what the policy says."""
-        load = self.load_at(run.parameter)
-        out, _ = unbalanced(self.tangent, run.nodes, load)
-        self.tangent.factorise()
-        kind = self._kind(run, taut)
-        if self.settings.policy == "stop":
-            self._note_critical(run, kind, run.nodes, 0.0)
-            run.outcome = Status.UNSTABLE
-            run.reason = f"the stable path ends: {run.critical_points[-1]}"
+        kind = self._kind(run, here)
+        if self.settings.policy == "settle":
+            self._settle(run, kind)
             return
-        self._leave_branch(run, kind, run.nodes)
+        self._note_critical(run, kind)
+        run.end(Status.UNSTABLE, f"the stable path ends: {run.critical_points[-1]}")
 
-    def _kind(self, run: StageRun, taut: np.ndarray) -> str:
+    def _kind(self, run: StageRun, here: Departure) -> str:
         """Tell a collapse, a fold, a bifurcation and a cable gone slack apart."""
-        touches = self.arrays.free.any(axis=1)[self.arrays.segment_nodes].any(axis=1)
-        moving = np.logical_or.reduceat(touches, self.arrays.segment_start[:-1])
-        loaded = np.abs(self.inputs.loads_at(run.parameter)[self.arrays.free]).max(initial=0.0) > 0.0
-        carried = np.abs(self.tangent.tension[moving]).max(initial=0.0)
-        if not loaded and carried < 1e-3 * self.reference_tension:
+        unbalanced(self.tangent, run.nodes, self.load_at(run.parameter))
+        carried, loaded = carried_tension(self.tangent, self.load_at(run.parameter))
+        if not loaded and carried < PRESTRESS_GONE * self.reference_tension:
             return "collapse"
-        spectrum = self.tangent.spectrum(1)
-        speed = np.abs(self.velocity_from(run.parameter)).max()
         beyond = newton(
             self.tangent,
             self.with_supports(run.nodes, run.parameter),
             self.load_at(min(1.0, run.parameter + self.settings.smallest_step)),
             largest_move=0.1 * self.largest_move,
         )
-        if beyond.converged and np.any(self.tangent.taut != taut):
+        if beyond.converged and not np.array_equal(self.tangent.taut, here.taut):
             return "slack"
         if beyond.converged and self.tangent.n_negative > 0:
             return "bifurcation"
-        near_zero = spectrum.values[0] * self.arrays.size < 1e-3 * self.reference_tension
-        return "limit point" if near_zero or speed > 1e3 * self.arrays.size else "slack"
+        return "limit point"
 
-    def velocity_from(self, parameter: float) -> FloatArray:
-        """Return dx/dλ after factorising K at the last measure."""
-        self.tangent.factorise()
-        return self.velocity(parameter)[0]
-
-    def _leave_branch(self, run: StageRun, kind: str, before: FloatArray) -> bool:
-        """Settle just beyond the end of the branch; return whether the path can go on from there."""
+    def _settle(self, run: StageRun, kind: str) -> bool:
+        """Fall just beyond the end of the branch; return whether the path can go on from there."""
         self._last = None
+        before = run.nodes
         parameter = min(1.0, run.parameter + 2.0 * self.settings.smallest_step)
         fallen = self.fall(run, before, parameter)
         if fallen.flat:
-            at_end = self.fall(run, fallen.nodes, 1.0)
-            if at_end.flat or not at_end.converged:
-                self._note_critical(run, "collapse", before, 0.0)
-                run.nodes, run.parameter = at_end.nodes, 1.0
-                run.outcome = Status.COLLAPSED if at_end.flat else "failed"
-                run.reason = (
-                    f"prestress lost: {run.critical_points[-1]}"
-                    if at_end.flat
-                    else f"no equilibrium found beyond {run.critical_points[-1]}"
-                )
-                return False
-            parameter, fallen, kind = 1.0, at_end, "collapse"
-        if not fallen.converged:
-            self._note_critical(run, kind, before, 0.0)
-            run.outcome = Status.FAILED
-            run.reason = f"the fall beyond {run.critical_points[-1]} found no equilibrium"
+            # Nothing carries force here. What follows may tighten the structure again.
+            kind, parameter = "collapse", 1.0
+            fallen = self.fall(run, fallen.nodes, parameter)
+        if fallen.flat or not fallen.converged:
+            self._note_critical(run, kind)
+            where = run.critical_points[-1]
+            run.nodes, run.parameter = fallen.nodes, 1.0
+            if fallen.flat:
+                run.end(Status.COLLAPSED, f"prestress lost: {where}")
+            else:
+                run.end(Status.FAILED, f"the fall beyond {where} found no equilibrium")
             return False
         snap = float(np.linalg.norm(fallen.nodes - before, axis=1).max())
+        if snap > SNAP * self.arrays.size:
+            self._note_critical(run, kind, after=fallen.nodes)
+            run.end(Status.SNAPPED, "; ".join(str(point) for point in run.critical_points))
         run.nodes, run.parameter = fallen.nodes, parameter
-        if snap > 1e-4 * self.arrays.size:
-            self._note_critical(run, kind, before, snap)
-            run.outcome = Status.SNAPPED
-            run.reason = "; ".join(str(point) for point in run.critical_points)
-        newton(self.tangent, run.nodes, self.load_at(run.parameter), max_iterations=4)
+        newton(self.tangent, run.nodes, self.load_at(parameter), max_iterations=4)
         return True
 
     def fall(self, run: StageRun, nodes: FloatArray, parameter: float) -> Attempt:
+        """Descend from `nodes` under the inputs at `parameter`."""
         attempt = descend(
             self.tangent,
             self.with_supports(nodes, parameter),
@@ -273,18 +346,31 @@ class StageFollower:
         run.iterations += attempt.iterations
         return attempt
 
-    def _note_critical(self, run: StageRun, kind: str, before: FloatArray, snap: float) -> None:
-        """Record the critical point with the mode of K at the last stable position."""
-        after = self.tangent
+    def _note_critical(self, run: StageRun, kind: str, after: FloatArray | None = None) -> None:
+        """Record the end of the branch, with its mode, and the fall from it to `after`."""
         load = self.load_at(run.parameter)
-        unbalanced(after, before, load)
-        spectrum = after.spectrum(1)
-        mode = np.linalg.norm(spectrum.vectors[0], axis=1)
-        most = np.argsort(-mode, kind="stable")[:4]
-        moved = tuple(self.arrays.node_ids[n] for n in most if mode[n] > 0.3 * mode.max(initial=0.0))
+        snap = released = 0.0
+        if after is not None:
+            unbalanced(self.tangent, after, load)
+            released = -potential(self.tangent, after, load)
+            snap = float(np.linalg.norm(after - run.nodes, axis=1).max())
+        unbalanced(self.tangent, run.nodes, load)
+        if after is not None:
+            released += potential(self.tangent, run.nodes, load)
+        spectrum = self.tangent.spectrum(1)
+        motion = np.linalg.norm(spectrum.vectors[0], axis=1)
+        moved = most_moved(self.arrays.node_ids, motion)
         run.critical_points.append(
-            CriticalPoint(run.name, run.parameter, kind, float(spectrum.values[0]), moved, snap)
+            CriticalPoint(
+                run.name, run.parameter, kind, float(spectrum.values[0]), moved, snap, max(0.0, released)
+            )
         )
+
+
+def most_moved(node_ids: tuple[str, ...], motion: FloatArray) -> tuple[str, ...]:
+    """Return up to four nodes that move most, none below a third of the largest motion."""
+    most = np.argsort(-motion, kind="stable")[:4]
+    return tuple(node_ids[n] for n in most if motion[n] > motion.max(initial=0.0) / 3.0)
 
 
 def reference_tension(tensions: FloatArray, stiffness: FloatArray) -> float:

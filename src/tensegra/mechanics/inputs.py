@@ -95,12 +95,12 @@ def _with_temperatures(
 
 
 def effective_rest_length(arrays: StructureArrays, inputs: Inputs) -> FloatArray:
-    """Rest lengths with thermal strain, l₀ (1 + α ΔT), shape ``(n_members,)``."""
+    """Return the rest lengths with thermal strain, l₀ (1 + α ΔT), shape ``(n_members,)``."""
     return inputs.rest_length * (1.0 + arrays.thermal_expansion * inputs.temperature)
 
 
 def nodal_forces(arrays: StructureArrays, inputs: Inputs) -> FloatArray:
-    """Loads and weights, shape ``(n_nodes, 3)``."""
+    """Return loads and weights together, shape ``(n_nodes, 3)``."""
     return inputs.loads + arrays.nodal_weight[:, None] * inputs.gravity
 
 
@@ -126,20 +126,21 @@ class StageInputs:
     positions_end: FloatArray
 
     def rest_length_at(self, parameter: float) -> FloatArray:
-        """Effective rest lengths at the path parameter, shape ``(n_members,)``."""
-        return np.polynomial.polynomial.polyval(parameter, self.rest_length.T)
+        """Return the effective rest lengths at the path parameter, shape ``(n_members,)``."""
+        powers = parameter ** np.arange(self.rest_length.shape[1])
+        return self.rest_length @ powers
 
     def rest_length_rate(self, parameter: float) -> FloatArray:
-        """Derivative of the effective rest lengths by the path parameter, shape ``(n_members,)``."""
-        derivative = np.polynomial.polynomial.polyder(self.rest_length, axis=1)
-        return np.polynomial.polynomial.polyval(parameter, derivative.T)
+        """Return d l₀/dλ at the path parameter, shape ``(n_members,)``."""
+        exponents = np.arange(1, self.rest_length.shape[1])
+        return self.rest_length[:, 1:] @ (exponents * parameter ** (exponents - 1))
 
     def loads_at(self, parameter: float) -> FloatArray:
-        """Nodal forces at the path parameter, shape ``(n_nodes, 3)``."""
+        """Return the nodal forces at the path parameter, shape ``(n_nodes, 3)``."""
         return (1.0 - parameter) * self.loads_start + parameter * self.loads_end
 
     def positions_at(self, parameter: float) -> FloatArray:
-        """Coordinates of the supports at the path parameter, shape ``(n_nodes, 3)``."""
+        """Return the coordinates of the supports at the path parameter, shape ``(n_nodes, 3)``."""
         return (1.0 - parameter) * self.positions_start + parameter * self.positions_end
 
     def balanced_by(self, force: FloatArray) -> "StageInputs":
@@ -156,7 +157,9 @@ def stage_inputs(arrays: StructureArrays, before: Inputs, after: Inputs) -> Stag
         arrays,
         before,
         after,
-        np.stack([length * strain, length * strain_rate + length_rate * strain, length_rate * strain_rate], axis=1),
+        np.stack(
+            [length * strain, length * strain_rate + length_rate * strain, length_rate * strain_rate], axis=1
+        ),
     )
 
 

@@ -1,6 +1,6 @@
 """Solve a structure along its loading history: the stages, then the actuation."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -170,7 +170,10 @@ def actuate(prepared: Prepared, run: Actuation) -> EquilibriumPath:
 
 
 def _follower(
-    tangent: Tangent, inputs: StageInputs, equilibria: list[Equilibrium] | tuple[Equilibrium, ...], settings: PathSettings
+    tangent: Tangent,
+    inputs: StageInputs,
+    equilibria: list[Equilibrium] | tuple[Equilibrium, ...],
+    settings: PathSettings,
 ) -> StageFollower:
     stiffness = tangent.arrays.stiffness
     reference = max((reference_tension(e.tensions, stiffness) for e in equilibria), default=0.0)

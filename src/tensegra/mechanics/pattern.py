@@ -158,7 +158,8 @@ def dense_matrix(pattern: Pattern, blocks: FloatArray, free: IndexArray | None =
 
 
 def _paths(arrays: StructureArrays) -> tuple[IndexArray, IndexArray, IndexArray]:
-    start, nodes = [0], []
+    start = [0]
+    nodes: list[int] = []
     local = np.zeros((len(arrays.segment_nodes), 2), dtype=np.int64)
     for e in range(arrays.n_members):
         place: dict[int, int] = {}
@@ -183,7 +184,9 @@ def _couplings(
     return np.concatenate(first), np.concatenate(second)
 
 
-def _elimination_order(n_nodes: int, movable: IndexArray, first: IndexArray, second: IndexArray) -> IndexArray:
+def _elimination_order(
+    n_nodes: int, movable: IndexArray, first: IndexArray, second: IndexArray
+) -> IndexArray:
     """Order the movable nodes by minimum degree (SuperLU's, on the graph of couplings)."""
     from scipy.sparse import coo_array, eye_array
     from scipy.sparse.linalg import splu
@@ -229,7 +232,9 @@ def _symbolic_factor(
     return np.array(start, dtype=np.int64), np.array(rows, dtype=np.int64)
 
 
-def _rows(column_start: IndexArray, row: IndexArray, n_blocks: int) -> tuple[IndexArray, IndexArray, IndexArray]:
+def _rows(
+    column_start: IndexArray, row: IndexArray, n_blocks: int
+) -> tuple[IndexArray, IndexArray, IndexArray]:
     columns = np.repeat(np.arange(n_blocks), np.diff(column_start))
     below = np.flatnonzero(row > columns)
     by_row = below[np.lexsort((columns[below], row[below]))]

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from tensegra.mechanics.follow import most_moved
 from tensegra.mechanics.tangent import Tangent
 
 SINGULAR = 1e-9
@@ -21,7 +22,5 @@ def free_mechanisms(tangent: Tangent) -> tuple[tuple[str, ...], ...]:
     for value, mode in zip(spectrum.values, spectrum.vectors, strict=True):
         if abs(value) > SINGULAR * tangent.stiffness_scale:
             continue
-        motion = np.linalg.norm(mode, axis=1)
-        most = np.argsort(-motion, kind="stable")[:4]
-        named.append(tuple(tangent.arrays.node_ids[n] for n in most if motion[n] > 0.3 * motion.max()))
+        named.append(most_moved(tangent.arrays.node_ids, np.linalg.norm(mode, axis=1)))
     return tuple(named)
