@@ -28,6 +28,7 @@ from tensegra.mechanics.results import CriticalPoint, PathPoint, SlackEvent, Sta
 from tensegra.mechanics.tangent import Tangent
 
 Policy = Literal["settle", "stop", "trace"]
+Procedure = Literal["adaptive", "stepped"]
 
 SNAP = 1e-4
 """A fall that moves no node by this share of the structure's size has not left the branch."""
@@ -55,6 +56,10 @@ class PathSettings:
         Ratio of successive Newton corrections above which a step is cut.
     max_steps
         Steps of one stage after which it fails.
+    path
+        ``adaptive``, or ``stepped``: the plain procedure of the source, in fixed increments.
+    increment
+        Largest relative change of a rest length in one increment of the stepped procedure.
     """
 
     policy: Policy = "settle"
@@ -63,6 +68,8 @@ class PathSettings:
     largest_move: float = 0.05
     contraction: float = 0.5
     max_steps: int = 20_000
+    path: Procedure = "adaptive"
+    increment: float = 0.01
 
 
 @dataclass(eq=False)

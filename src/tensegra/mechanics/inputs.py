@@ -194,6 +194,11 @@ class Actuation:
     loads: Mapping[tuple[str, str], float]
     positions: Mapping[tuple[str, str], float]
 
+    @property
+    def acts(self) -> bool:
+        """Whether anything acts after the stages."""
+        return bool(self.actuation or self.temperature or self.loads or self.positions)
+
 
 def actuation_inputs(
     structure: Structure, arrays: StructureArrays, before: Inputs, run: Actuation

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tensegra.mechanics.arrays import StructureArrays, structure_arrays
+from tensegra.mechanics.arrays import FloatArray, StructureArrays, structure_arrays
+from tensegra.mechanics.derivatives import Given
 from tensegra.mechanics.equilibrium import Load, unbalanced
 from tensegra.mechanics.follow import PathSettings, StageFollower, StageRun, reference_tension
 from tensegra.mechanics.inputs import (
@@ -13,16 +14,16 @@ from tensegra.mechanics.inputs import (
     Inputs,
     StageInputs,
     actuation_inputs,
-    effective_rest_length,
     initial_inputs,
     inputs_after_stage,
-    nodal_forces,
     stage_inputs,
 )
 from tensegra.mechanics.results import Equilibrium, EquilibriumPath, Status
 from tensegra.mechanics.stability import free_mechanisms
 from tensegra.mechanics.start import first_stage
+from tensegra.mechanics.stepped import run_stepped
 from tensegra.mechanics.tangent import Tangent
+from tensegra.mechanics.trace import trace_branch
 from tensegra.structure import Structure
 
 UNNAMED_STAGE = "as given"
@@ -121,15 +122,24 @@ def prepare(
     for index, (name, after) in enumerate(_stage_targets(structure, arrays)):
         follower = _follower(tangent, stage_inputs(arrays, inputs, after), equilibria, settings)
         if index == 0:
-            run = first_stage(follower, name, settle=settle_start)
-        elif equilibria[-1].status is Status.FAILED:
-            run = StageRun(name, nodes, outcome=Status.FAILED, reason="the stage before it failed")
+            run = _first_stage(follower, name, settle=settle_start)
+        elif (missing := _missing_start(runs[-1])) is not None:
+            run = StageRun(name, nodes, outcome=Status.FAILED, reason=missing)
         else:
-            run = follower.run(name, nodes)
-        inputs, nodes = after, run.nodes
+            run = _run(follower, name, nodes)
         runs.append(run)
-        equilibria.append(_equilibrium(structure, tangent, run, after))
+        equilibria.append(_equilibrium(structure, tangent, run, follower.load_at(run.parameter)))
+        inputs, nodes = after, run.nodes
     return Prepared(structure, arrays, tangent, tuple(runs), tuple(equilibria), inputs, settings)
+
+
+def _missing_start(before: StageRun) -> str | None:
+    """Return why no path can start where `before` ended; None where one can."""
+    if before.outcome is Status.FAILED:
+        return f"stage '{before.name}' failed"
+    if before.parameter < 1.0:
+        return f"stage '{before.name}' stopped at {100 * before.parameter:.4g} %"
+    return None
 
 
 def _stage_targets(structure: Structure, arrays: StructureArrays) -> list[tuple[str, Inputs]]:
@@ -147,22 +157,26 @@ def _stage_targets(structure: Structure, arrays: StructureArrays) -> list[tuple[
 
 def actuate(prepared: Prepared, run: Actuation) -> EquilibriumPath:
     """Follow an actuation from the last stage's equilibrium."""
-    inputs, after = actuation_inputs(prepared.structure, prepared.arrays, prepared.inputs, run)
+    structure, arrays, tangent = prepared.structure, prepared.arrays, prepared.tangent
+    way, inputs = actuation_inputs(structure, arrays, prepared.inputs, run)
+    follower = _follower(tangent, way, prepared.equilibria, prepared.settings)
     runs = list(prepared.runs)
     actuated: Equilibrium | None = None
-    if run.actuation or run.temperature or run.loads or run.positions:
-        start = prepared.equilibria[-1]
-        if start.status is Status.FAILED:
-            followed = StageRun("actuation", start.nodes, outcome=Status.FAILED, reason="the stages failed")
+    load = follower.load_at(0.0)
+    if run.acts:
+        if (missing := _missing_start(runs[-1])) is not None:
+            followed = StageRun("actuation", runs[-1].nodes, outcome=Status.FAILED, reason=missing)
         else:
-            follower = _follower(prepared.tangent, inputs, prepared.equilibria, prepared.settings)
-            followed = follower.run("actuation", start.nodes)
+            followed = _run(follower, "actuation", runs[-1].nodes)
+        load = follower.load_at(followed.parameter)
         runs.append(followed)
-        actuated = _equilibrium(prepared.structure, prepared.tangent, followed, after)
+        actuated = _equilibrium(structure, tangent, followed, load)
     return EquilibriumPath(
-        structure=prepared.structure,
+        structure=structure,
         stages=prepared.equilibria,
         actuation=actuated,
+        given=Given(structure, arrays, inputs, run),
+        load=load,
         critical_points=tuple(point for run in runs for point in run.critical_points),
         slack_events=tuple(event for run in runs for event in run.slack_events),
         history=tuple(point for run in runs for point in run.history),
@@ -180,7 +194,27 @@ def _follower(
     return StageFollower(tangent, inputs, stiffness, reference, settings)
 
 
-def _equilibrium(structure: Structure, tangent: Tangent, run: StageRun, inputs: Inputs) -> Equilibrium:
+def _first_stage(follower: StageFollower, name: str, *, settle: bool) -> StageRun:
+    if follower.settings.path == "stepped":
+        return run_stepped(follower, name, follower.arrays.coordinates)
+    run = first_stage(follower, name, settle=settle)
+    return _traced(follower, run)
+
+
+def _run(follower: StageFollower, name: str, nodes: FloatArray) -> StageRun:
+    if follower.settings.path == "stepped":
+        return run_stepped(follower, name, nodes)
+    return _traced(follower, follower.run(name, nodes))
+
+
+def _traced(follower: StageFollower, run: StageRun) -> StageRun:
+    """Go on along the branch where the stable path ended and the policy says so."""
+    if follower.settings.policy == "trace" and run.outcome is Status.UNSTABLE and run.parameter < 1.0:
+        trace_branch(follower, run)
+    return run
+
+
+def _equilibrium(structure: Structure, tangent: Tangent, run: StageRun, load: Load) -> Equilibrium:
     """Certify the end of a stage: measure again, count eigenvalues, name what is free."""
     arrays = tangent.arrays
     nowhere = Equilibrium(
@@ -200,7 +234,6 @@ def _equilibrium(structure: Structure, tangent: Tangent, run: StageRun, inputs: 
     )
     if run.outcome is Status.FAILED:
         return nowhere
-    load = Load(effective_rest_length(arrays, inputs), arrays.stiffness, nodal_forces(arrays, inputs))
     _, residual = unbalanced(tangent, run.nodes, load)
     spectrum = tangent.spectrum(1)
     n_negative = tangent.factorise()

@@ -9,6 +9,16 @@ import numpy as np
 
 from tensegra.errors import ModelError, SolverError
 from tensegra.mechanics.arrays import AXES, BoolArray, FloatArray
+from tensegra.mechanics.derivatives import (
+    Derivative,
+    Given,
+    ParameterKind,
+    differentiate,
+    direction_of,
+    settle_tangent,
+)
+from tensegra.mechanics.equilibrium import Load
+from tensegra.mechanics.tangent import Tangent
 from tensegra.structure import Structure
 
 
@@ -200,11 +210,15 @@ class EquilibriumPath:
         What happened on the way, in order.
     history
         Every accepted step, in order.
+    given, load
+        The inputs at the last equilibrium, for its derivatives.
     """
 
     structure: Structure
     stages: tuple[Equilibrium, ...]
     actuation: Equilibrium | None
+    given: Given = field(repr=False)
+    load: Load = field(repr=False)
     critical_points: tuple[CriticalPoint, ...] = ()
     slack_events: tuple[SlackEvent, ...] = ()
     history: tuple[PathPoint, ...] = field(default=(), repr=False)
@@ -240,6 +254,38 @@ class EquilibriumPath:
         """Mean displacement of the named nodes along an axis, from the last stage's equilibrium."""
         rows = [_index(self.structure.nodes, node, "node") for node in nodes]
         return float(self.displacements[rows, axis_index(axis)].mean())
+
+    def derivative(self, name: object, of: ParameterKind = "actuation") -> Derivative:
+        """Differentiate positions and tensions of the last equilibrium by one parameter, exactly.
+
+        Parameters
+        ----------
+        name
+            An actuator; or what `of` asks for: a member or group (temperature, area), a member
+            (rest_length, stiffness), a material (youngs_modulus), a (node, axis) (load, position).
+        of
+            Kind of the parameter.
+
+        Raises
+        ------
+        ModelError
+            For a name that the structure does not have.
+        SolverError
+            Where the last equilibrium failed.
+
+        Examples
+        --------
+        >>> from tensegra.mechanics import solve_path
+        >>> from tensegra.structure import library
+        >>> path = solve_path(library.paper_beam(), {"A14": 0.10, "A23": 0.10})
+        >>> by_a14 = path.derivative("A14")
+        >>> by_a14.nodes.shape, by_a14.tensions.shape
+        ((24, 3), (48,))
+        """
+        direction = direction_of(self.given, of, name)
+        tangent = Tangent(self.given.arrays)
+        settle_tangent(tangent, self.final.nodes, self.load)
+        return differentiate(tangent, self.load, direction)
 
     def raise_for_status(self) -> Self:
         """Return itself, or raise `SolverError` where the last equilibrium is not a stable one."""

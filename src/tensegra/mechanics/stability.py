@@ -1,15 +1,203 @@
-"""Does it stand: free mechanisms of a tangent stiffness, named by the nodes that they move."""
+"""Does it stand: self-stress, mechanisms, prestress stability, natural frequencies.
+
+The equilibrium matrix A has one column b = ∂ℓ/∂x a member: A t = p balances tensions t with loads p,
+Aᵀ v are the rates of the lengths. Its null space holds the states of self-stress, its left null
+space the mechanisms, motions that change no length to first order (Pellegrino & Calladine 1986,
+doi:10.1016/0020-7683(86)90014-4; for clustered cables Moored & Bart-Smith 2009,
+doi:10.1016/j.ijsolstr.2009.05.005).
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 
+from tensegra.errors import SolverError
+from tensegra.mechanics.arrays import FloatArray, StructureArrays, structure_arrays
+from tensegra.mechanics.equilibrium import unbalanced
 from tensegra.mechanics.follow import most_moved
+from tensegra.mechanics.results import EquilibriumPath
 from tensegra.mechanics.tangent import Tangent
+from tensegra.structure import Structure
 
 SINGULAR = 1e-9
 """Eigenvalues of K below this share of the largest diagonal entry belong to free mechanisms."""
 
+RANK_TOLERANCE = 1e-7
+"""Singular values below this share of the largest are zero: coordinates are written to six digits."""
+
+STANDARD_GRAVITY = "9.80665 m"
+"""Per second squared: what turns a weight into a mass."""
+
 LARGEST_LISTED = 64
 """At most this many mechanisms are looked for in a large structure."""
+
+LARGEST_SVD = 4000
+"""Degrees of freedom above which the dense decomposition of the equilibrium matrix is refused."""
+
+
+@dataclass(frozen=True, eq=False)
+class SelfStress:
+    """States of self-stress and mechanisms of a structure at a position.
+
+    Attributes
+    ----------
+    n_free, n_columns, rank
+        Free degrees of freedom; columns of the equilibrium matrix, which are the members, or
+        segments where the clusters are opened, that touch a free coordinate; and its rank.
+    states
+        Orthonormal states of self-stress over all members (segments), ``(n_self_stress, n)``.
+    mechanisms
+        Orthonormal inextensional motions, shape ``(n_mechanisms, n_nodes, 3)``.
+    """
+
+    n_free: int
+    n_columns: int
+    rank: int
+    states: FloatArray
+    mechanisms: FloatArray
+
+    @property
+    def n_self_stress(self) -> int:
+        """Number of independent states of self-stress."""
+        return self.n_columns - self.rank
+
+    @property
+    def n_mechanisms(self) -> int:
+        """Number of independent mechanisms."""
+        return self.n_free - self.rank
+
+
+@dataclass(frozen=True, eq=False)
+class Vibration:
+    """Lowest natural vibrations about an equilibrium.
+
+    Attributes
+    ----------
+    frequencies
+        In hertz, ascending, shape ``(n_modes,)``.
+    shapes
+        Mode shapes, largest component one, shape ``(n_modes, n_nodes, 3)``.
+    """
+
+    frequencies: FloatArray
+    shapes: FloatArray
+
+
+def equilibrium_matrix(
+    arrays: StructureArrays, nodes: FloatArray | None = None, *, clustered: bool = True
+) -> FloatArray:
+    """Return A over the free coordinates, shape ``(n_free, n_members)``.
+
+    Parameters
+    ----------
+    arrays
+        The structure.
+    nodes
+        Positions, shape ``(n_nodes, 3)``; the given ones where left out.
+    clustered
+        One column a member; False opens the clusters: one column a segment.
+    """
+    x = arrays.coordinates if nodes is None else nodes
+    first, second = arrays.segment_nodes.T
+    along = x[second] - x[first]
+    unit = along / np.linalg.norm(along, axis=1, keepdims=True)
+    n_segments = len(along)
+    matrix = np.zeros((arrays.n_nodes, 3, n_segments))
+    columns = np.arange(n_segments)
+    matrix[second, :, columns] += unit
+    matrix[first, :, columns] -= unit
+    if clustered:
+        matrix = np.add.reduceat(matrix, arrays.segment_start[:-1], axis=2)
+    return matrix[arrays.free]
+
+
+def self_stress(
+    structure: Structure, nodes: FloatArray | None = None, *, clustered: bool = True
+) -> SelfStress:
+    """Find the states of self-stress and the mechanisms by the singular values of A.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    nodes
+        Positions, shape ``(n_nodes, 3)``; the given ones where left out.
+    clustered
+        False treats every segment as a member of its own, as if the pulleys were locked.
+
+    Raises
+    ------
+    SolverError
+        For a structure too large for a dense decomposition.
+
+    Examples
+    --------
+    >>> from tensegra.structure import library
+    >>> beam = self_stress(library.paper_beam())
+    >>> beam.n_mechanisms, beam.n_self_stress
+    (17, 1)
+    """
+    arrays = structure_arrays(structure)
+    if arrays.n_free > LARGEST_SVD:
+        raise SolverError(
+            f"{arrays.n_free} degrees of freedom: the singular values need at most {LARGEST_SVD}"
+        )
+    matrix = equilibrium_matrix(arrays, nodes, clustered=clustered)
+    # A member between held nodes carries what it likes: it is left out of the count.
+    balanced = np.any(matrix != 0.0, axis=0)
+    left, singular, right = np.linalg.svd(matrix[:, balanced])
+    rank = int((singular > RANK_TOLERANCE * singular.max(initial=0.0)).sum())
+    mechanisms = np.zeros((arrays.n_free - rank, arrays.n_nodes, 3))
+    mechanisms[:, arrays.free] = left[:, rank:].T
+    states = np.zeros((len(right) - rank, len(balanced)))
+    states[:, balanced] = right[rank:]
+    return SelfStress(arrays.n_free, int(balanced.sum()), rank, states, mechanisms)
+
+
+def prestress_stiffness(path: EquilibriumPath) -> float:
+    """Return the lowest eigenvalue of the geometric stiffness on the mechanisms, force per length.
+
+    A structure whose mechanisms are all stiffened by its prestress (a positive value) stands
+    however stiff its members are; without mechanisms the value is infinite.
+    """
+    tangent, _ = _tangent_at(path)
+    mechanisms = self_stress(path.structure, path.final.nodes).mechanisms
+    if not len(mechanisms):
+        return np.inf
+    # Along a mechanism b·v = 0, so K v is the geometric part T ∂²ℓ/∂x² v alone.
+    geometric = np.array([tangent.force_rate(motion).ravel() for motion in mechanisms])
+    reduced = geometric @ mechanisms.reshape(len(mechanisms), -1).T
+    return float(np.linalg.eigvalsh(0.5 * (reduced + reduced.T))[0])
+
+
+def natural_frequencies(path: EquilibriumPath, n_modes: int = 6) -> Vibration:
+    """Return the lowest natural frequencies about the last equilibrium, with lumped masses.
+
+    Masses are the members' weights divided by standard gravity in the structure's units, half and
+    half at the nodes of each segment; K φ = ω² M φ.
+
+    Raises
+    ------
+    SolverError
+        Where the last equilibrium failed, or a movable node has no mass.
+    """
+    from scipy.linalg import eigh
+
+    tangent, arrays = _tangent_at(path)
+    gravity = path.structure.units.number(STANDARD_GRAVITY, "length")
+    mass = np.repeat(arrays.nodal_weight[tangent.pattern.block_node] / gravity, 3)[tangent.free_index]
+    if not np.all(mass > 0.0):
+        raise SolverError("natural frequencies need members with a weight at every movable node")
+    scale = 1.0 / np.sqrt(mass)
+    n_modes = min(n_modes, len(mass))
+    matrix = tangent.matrix() * scale * scale[:, None]
+    squares, vectors = eigh(matrix, subset_by_index=(0, n_modes - 1))
+    shapes = np.zeros((n_modes, 3 * tangent.pattern.n_blocks))
+    shapes[:, tangent.free_index] = (vectors * scale[:, None]).T
+    fields = np.zeros((n_modes, arrays.n_nodes, 3))
+    fields[:, tangent.pattern.block_node] = shapes.reshape(n_modes, -1, 3)
+    fields /= np.abs(fields).max(axis=(1, 2), keepdims=True)
+    return Vibration(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * np.pi), fields)
 
 
 def free_mechanisms(tangent: Tangent) -> tuple[tuple[str, ...], ...]:
@@ -24,3 +212,11 @@ def free_mechanisms(tangent: Tangent) -> tuple[tuple[str, ...], ...]:
             continue
         named.append(most_moved(tangent.arrays.node_ids, np.linalg.norm(mode, axis=1)))
     return tuple(named)
+
+
+def _tangent_at(path: EquilibriumPath) -> tuple[Tangent, StructureArrays]:
+    if not np.all(np.isfinite(path.final.nodes)):
+        raise SolverError("a failed run has no stiffness")
+    tangent = Tangent(path.given.arrays)
+    unbalanced(tangent, path.final.nodes, path.load)
+    return tangent, path.given.arrays
