@@ -1,0 +1,214 @@
+"""Reading and writing `tensegra/structure/1`, in YAML and JSON."""
+
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tensegra.errors import ModelError, nearest
+from tensegra.structure.mapping import SCHEMA, structure_to_mapping
+from tensegra.structure.parts import Actuator, Material, Member, Stage
+from tensegra.structure.plain import plain, value_at
+from tensegra.structure.problems import NOTHING, InvalidStructureError, Place, Problem
+from tensegra.structure.structure import Structure, path_length
+from tensegra.structure.text import TextError, dump_json, dump_yaml, load_json, load_yaml
+from tensegra.units import Units
+
+if TYPE_CHECKING:
+    from tensegra.structure.schema import StageSchema, StructureSchema
+
+__all__ = ["parse_structure", "read_structure", "write_structure"]
+
+_LOADERS = {".yaml": load_yaml, ".yml": load_yaml, ".json": load_json}
+_DUMPERS = {".yaml": dump_yaml, ".yml": dump_yaml, ".json": dump_json}
+
+
+def read_structure(path: str | os.PathLike[str]) -> Structure:
+    """Read a structure from a YAML or JSON file.
+
+    Parameters
+    ----------
+    path
+        A file in the format ``tensegra/structure/1``, named `.yaml`, `.yml` or `.json`.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read, or what it describes cannot be. The message gives the file, the keys
+        that lead to the fault, what was found and what was expected.
+
+    Examples
+    --------
+    >>> read_structure("beam.yml")
+    Traceback (most recent call last):
+    tensegra.errors.ModelError: beam.yml: no such file
+    """
+    path = Path(path)
+    load = _LOADERS.get(path.suffix.lower())
+    if load is None:
+        raise _unknown_suffix(path)
+    try:
+        raw = load(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise _missing_file(path) from None
+    except UnicodeDecodeError:
+        raise ModelError(f"{path.name}: this is not a text in UTF-8") from None
+    except OSError as error:
+        raise ModelError(f"{path}: {(error.strerror or str(error)).lower()}") from None
+    except TextError as error:
+        raise ModelError(f"{path.name}: {error}") from None
+    return build(raw, source=path.name, name=path.name.partition(".")[0], needs_schema=True)
+
+
+def parse_structure(mapping: Mapping[Any, Any]) -> Structure:
+    """Build a structure from a mapping with the content of a structure file.
+
+    This is the short way to a structure of one's own: quantities may carry units, rest lengths may be
+    left out, ids may be integers and coordinates arrays. The key `schema` may be left out too.
+
+    Raises
+    ------
+    ModelError
+        As for `read_structure`.
+
+    Examples
+    --------
+    >>> parse_structure({
+    ...     "name": "rope",
+    ...     "units": {"length": "cm", "force": "kN"},
+    ...     "nodes": {1: [0, 0, 0], 2: ["2 m", 0, 0]},
+    ...     "members": {"K1": {"kind": "cable", "nodes": [1, 2], "stiffness": "5 MN"}},
+    ...     "supports": {1: "xyz", 2: "yz"},
+    ... }).members["K1"].rest_length
+    200.0
+    """
+    return build(mapping, name="structure")
+
+
+def write_structure(structure: Structure, path: str | os.PathLike[str]) -> None:
+    """Write a structure to a YAML or JSON file, by its suffix; `read_structure` gives it back equal.
+
+    The file appears complete or not at all.
+
+    Raises
+    ------
+    ModelError
+        The suffix is none of `.yaml`, `.yml` and `.json`.
+    """
+    path = Path(path)
+    dump = _DUMPERS.get(path.suffix.lower())
+    if dump is None:
+        raise _unknown_suffix(path)
+    text = dump(structure_to_mapping(structure))
+    draft = path.with_name(f".{path.name}.{os.getpid()}.draft")
+    try:
+        draft.write_text(text, encoding="utf-8", newline="\n")
+        draft.replace(path)
+    finally:
+        with suppress(FileNotFoundError):
+            draft.unlink()
+
+
+def build(
+    raw: object,
+    *,
+    name: str,
+    source: str = "",
+    root: Place = (),
+    written: object = None,
+    needs_schema: bool = False,
+) -> Structure:
+    """Build a structure from plain values, and tell of faults in terms of where they were written.
+
+    Parameters
+    ----------
+    raw
+        The whole content.
+    name
+        The structure's name, if the content gives none.
+    source, root
+        Name of the file, and the keys above the content, for messages.
+    written
+        What the user wrote, if that is only a part of `raw`.
+    needs_schema
+        Whether the key `schema` must be there.
+    """
+    try:
+        content = plain(raw)
+        return _assemble({"name": name, **content}, needs_schema=needs_schema)
+    except InvalidStructureError as error:
+        seen = raw if written is None else written
+        problems = [_as_written(problem, seen) for problem in error.problems]
+        raise InvalidStructureError.of(problems, source=source, root=root) from None
+    except ModelError as error:
+        raise ModelError(f"{source}: {error}" if source else str(error)) from None
+
+
+def _assemble(content: dict[str, Any], *, needs_schema: bool) -> Structure:
+    from pydantic import ValidationError
+
+    from tensegra.structure.schema import StructureSchema, UnitsSchema, problems_of
+
+    schema = content.pop("schema", None if needs_schema else SCHEMA)
+    if schema != SCHEMA:
+        found = NOTHING if schema is None else schema
+        raise InvalidStructureError.of([Problem(("schema",), found, repr(SCHEMA))])
+    try:
+        units_schema = UnitsSchema.model_validate(content.pop("units", {}))
+    except ValidationError as error:
+        raise InvalidStructureError.of(problems_of(error, ("units",))) from None
+    units = Units(**units_schema.model_dump())
+    try:
+        checked = StructureSchema.model_validate(content, context={"units": units})
+    except ValidationError as error:
+        raise InvalidStructureError.of(problems_of(error)) from None
+    return _structure(checked, units)
+
+
+def _structure(content: "StructureSchema", units: Units) -> Structure:
+    members = {}
+    for name, member in content.members.items():
+        values = dict(member)
+        if member.rest_length is None:
+            known = all(node in content.nodes for node in member.nodes)
+            # An unknown node is refused before the rest length is looked at.
+            values["rest_length"] = path_length(content.nodes, member.nodes) if known else float("nan")
+        members[name] = Member(**values)
+    return Structure(
+        name=content.name,
+        description=content.description,
+        units=units,
+        nodes=content.nodes,
+        materials={name: Material(**dict(material)) for name, material in content.materials.items()},
+        members=members,
+        supports=content.supports,
+        gravity=content.gravity,
+        actuators={name: Actuator(**dict(actuator)) for name, actuator in content.actuators.items()},
+        stages=tuple(_stage(stage, number) for number, stage in enumerate(content.stages, start=1)),
+    )
+
+
+def _stage(stage: "StageSchema", number: int) -> Stage:
+    values = dict(stage)
+    if stage.name is None:
+        values["name"] = f"stage {number}"
+    return Stage(**values)
+
+
+def _as_written(problem: Problem, raw: object) -> Problem:
+    """Show a converted number as the quantity that was written."""
+    written = value_at(raw, problem.place)
+    if isinstance(problem.found, float) and isinstance(written, str):
+        return Problem(problem.place, written, problem.expected, problem.candidates)
+    return problem
+
+
+def _unknown_suffix(path: Path) -> ModelError:
+    return ModelError.at(path.name, path.suffix, "a file named .yaml, .yml or .json", candidates=_LOADERS)
+
+
+def _missing_file(path: Path) -> ModelError:
+    siblings = [file.name for file in path.parent.iterdir()] if path.parent.is_dir() else []
+    match = nearest(path.name, siblings)
+    return ModelError(f"{path}: no such file" + (f"; did you mean {match!r}?" if match else ""))

@@ -1,0 +1,154 @@
+"""YAML and JSON text, to and from plain values: safely, and without losing a repeated key."""
+
+import json
+import re
+from collections.abc import Hashable
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import yaml
+
+__all__ = ["REPEATED", "TextError", "dump_json", "dump_yaml", "load_json", "load_yaml"]
+
+
+class TextError(ValueError):
+    """A text that is not what its format demands; the message says where."""
+
+
+class _Repeated:
+    """Stands for the value of a key that a mapping has twice."""
+
+    def __repr__(self) -> str:
+        return "a key that is there twice"
+
+
+REPEATED = _Repeated()
+
+# YAML 1.2 has these plain scalars; YAML 1.1, which PyYAML reads, takes 1e6 for a text, 010 for 8,
+# 1:30 for 90 and `no` for false.
+_SCALARS = {
+    "tag:yaml.org,2002:null": (r"~|null|Null|NULL|", [*"~nN", ""]),
+    "tag:yaml.org,2002:bool": (r"true|True|TRUE|false|False|FALSE", [*"tTfF"]),
+    "tag:yaml.org,2002:int": (r"[-+]?[0-9]+", [*"-+0123456789"]),
+    "tag:yaml.org,2002:float": (
+        r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
+        [*"-+.0123456789"],
+    ),
+    "tag:yaml.org,2002:merge": (r"<<", ["<"]),
+}
+
+
+def load_yaml(text: str) -> object:
+    """Read YAML by the safe loader, with the scalars of YAML 1.2.
+
+    Raises
+    ------
+    TextError
+        `text` is not YAML, or asks for more than plain values.
+
+    Examples
+    --------
+    >>> load_yaml("{a: 1e6, b: no, 1: 010, a: 2}")
+    {'a': a key that is there twice, 'b': 'no', 1: 10}
+    """
+    import yaml
+
+    try:
+        return yaml.load(text, Loader=_loader())  # noqa: S506 — a subclass of the safe loader
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        raise TextError(f"{where}{error.problem or error.context}") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise TextError(_one_line(error)) from None
+
+
+def load_json(text: str) -> object:
+    """Read JSON.
+
+    Raises
+    ------
+    TextError
+        `text` is not JSON.
+
+    Examples
+    --------
+    >>> load_json('{"a": 1, "a": 2}')
+    {'a': a key that is there twice}
+    """
+    try:
+        return json.loads(text, object_pairs_hook=_mapping_of)
+    except json.JSONDecodeError as error:
+        raise TextError(f"line {error.lineno}, column {error.colno}: {error.msg}") from None
+    except (ValueError, RecursionError) as error:
+        raise TextError(_one_line(error)) from None
+
+
+def dump_yaml(value: object) -> str:
+    """Write plain values as YAML that versions 1.1 and 1.2 read alike, one short entry a line."""
+    import yaml
+
+    return yaml.dump(
+        value, Dumper=_dumper(), sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
+    )
+
+
+def dump_json(value: object) -> str:
+    """Write plain values as JSON."""
+    return json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _one_line(error: Exception) -> str:
+    return "nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
+
+
+def _mapping_of(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
+    mapping: dict[Any, Any] = {}
+    for key, value in pairs:
+        mapping[key] = REPEATED if key in mapping else value
+    return mapping
+
+
+@cache
+def _loader() -> "type[yaml.SafeLoader]":
+    import yaml
+
+    class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+        yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012 — as PyYAML has it
+
+        def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:  # noqa: ANN401
+            own = [key for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
+            mapping: dict[Hashable, Any] = super().construct_mapping(node, deep=deep)
+            seen: set[Hashable] = set()
+            for key_node in own:
+                key = self.construct_object(key_node, deep=deep)
+                if key in seen:
+                    mapping[key] = REPEATED
+                seen.add(key)
+            return mapping
+
+    for tag, (pattern, first) in _SCALARS.items():
+        Loader.add_implicit_resolver(tag, re.compile(rf"(?:{pattern})\Z"), first)
+    # Decimal whatever the leading zeros; PyYAML's own constructor reads 010 as octal.
+    Loader.add_constructor("tag:yaml.org,2002:int", lambda loader, node: int(loader.construct_scalar(node)))
+    return Loader
+
+
+@cache
+def _dumper() -> "type[yaml.SafeDumper]":
+    import yaml
+
+    class Dumper(yaml.SafeDumper):
+        def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002 — every value is written out
+            return True
+
+    def represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+        # In any other style PyYAML folds these line breaks of Unicode into plain ones.
+        style = '"' if {"\x85", "\u2028", "\u2029"} & set(text) else None
+        return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+    Dumper.add_representer(str, represent_text)
+    for tag, (pattern, first) in _SCALARS.items():
+        Dumper.add_implicit_resolver(tag, re.compile(rf"(?:{pattern})\Z"), first)
+    return Dumper
