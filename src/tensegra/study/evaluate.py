@@ -1,0 +1,178 @@
+"""From design points to outputs: one call of the batch solver, its answers as flat arrays."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensegra.errors import StudyError
+from tensegra.structure import Structure
+from tensegra.study.outputs import Output
+from tensegra.study.variables import Coordinate, Prestress, Variable
+
+if TYPE_CHECKING:
+    from tensegra.mechanics import Batch
+
+__all__ = ["Runs", "Solver", "batch_inputs", "evaluate"]
+
+Array: TypeAlias = NDArray[np.float64]
+Solver: TypeAlias = Callable[..., "Batch"]
+
+_ARGUMENTS = {"actuator": "actuation", "load": "loads", "position": "positions"}
+"""Arguments of `solve_batch` that are not called like the quantity they take."""
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Solved design points.
+
+    Attributes
+    ----------
+    X
+        Inputs, shape (n_runs, n_inputs).
+    Y
+        Outputs, shape (n_runs, n_outputs), NaN where a run has none.
+    status, reason
+        What the solver says of each run, shape (n_runs,); the reason is ``""`` if there is none.
+    residual, lowest_eigenvalue
+        Of each equilibrium, shape (n_runs,), NaN where there is none.
+    steps, iterations
+        What each path took, shape (n_runs,).
+    seconds
+        Solver time of each run, shape (n_runs,).
+    """
+
+    X: Array
+    Y: Array
+    status: NDArray[np.str_]
+    reason: NDArray[np.str_]
+    residual: Array
+    lowest_eigenvalue: Array
+    steps: NDArray[np.int32]
+    iterations: NDArray[np.int32]
+    seconds: Array
+
+    def __len__(self) -> int:
+        return len(self.X)
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """Whether a run found no equilibrium, shape (n_runs,)."""
+        return np.asarray(self.status == "failed", dtype=np.bool_)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Whether a run has all its outputs, shape (n_runs,)."""
+        return np.asarray(np.isfinite(self.Y).all(axis=1), dtype=np.bool_)
+
+
+def evaluate(
+    structure: Structure,
+    variables: Sequence[Variable],
+    outputs: Sequence[Output],
+    X: ArrayLike,
+    *,
+    solver: Solver | None = None,
+) -> Runs:
+    """Solve the structure at design points.
+
+    Parameters
+    ----------
+    structure
+        The structure, changes applied.
+    variables
+        What the columns of `X` act on.
+    outputs
+        What is wanted of each run.
+    X
+        Design points, shape (n_points, len(variables)), in the variables' units.
+    solver
+        `tensegra.mechanics.solve_batch` if left out.
+
+    Returns
+    -------
+    Runs
+        In the order of the points. A numerical failure is a status, not an exception.
+
+    Raises
+    ------
+    StudyError
+        If `X` has the wrong shape or a number that is not finite.
+    """
+    X = np.ascontiguousarray(X, dtype=np.float64)
+    if X.ndim != 2 or X.shape[1] != len(variables):
+        raise StudyError.at("design points: shape", X.shape, f"a row per point, {len(variables)} columns")
+    if not np.isfinite(X).all():
+        row, column = np.argwhere(~np.isfinite(X))[0]
+        place = f"design points: row {row}, {variables[column].name}"
+        raise StudyError.at(place, float(X[row, column]), "a finite number")
+    runs = (solver or _default_solver())(structure, **batch_inputs(structure, variables, X))
+    status = np.asarray(runs.status, dtype=np.str_)
+    failed = status == "failed"
+    return Runs(
+        X=X,
+        Y=np.stack([np.where(failed, np.nan, output.of(runs)) for output in outputs], axis=1),
+        status=status,
+        reason=np.asarray(runs.reason, dtype=np.str_),
+        residual=np.where(failed, np.nan, runs.residual),
+        lowest_eigenvalue=np.where(failed, np.nan, runs.lowest_eigenvalue),
+        steps=np.asarray(runs.steps, dtype=np.int32),
+        iterations=np.asarray(runs.iterations, dtype=np.int32),
+        seconds=np.asarray(runs.seconds, dtype=np.float64),
+    )
+
+
+def _default_solver() -> Solver:
+    # Compiled kernels, imported where they are first needed.
+    from tensegra.mechanics import solve_batch
+
+    return solve_batch
+
+
+def batch_inputs(
+    structure: Structure, variables: Sequence[Variable], X: Array
+) -> dict[str, dict[Any, Array]]:
+    """Return the arguments of `solve_batch` that set the variables to the columns of `X`.
+
+    A prestress is set through the rest lengths from which the history starts: where a stage changes a
+    member by c₀, the value c has the same effect after it as a rest length of l₀ (1 + c)/(1 + c₀)
+    before it.
+
+    Examples
+    --------
+    >>> from tensegra.structure import library
+    >>> from tensegra.study.distributions import as_distribution
+    >>> a14 = Variable("a", "actuator", "A14", as_distribution({"uniform": [0.0, 0.1]}))
+    >>> batch_inputs(library.paper_beam(), [a14], np.array([[0.05], [0.1]]))
+    {'actuation': {'A14': array([0.05, 0.1 ])}}
+    """
+    arguments: dict[str, dict[Any, Array]] = {}
+    prestress: list[tuple[Prestress, Array]] = []
+    for variable, column in zip(variables, X.T, strict=True):
+        values = np.ascontiguousarray(column)
+        target = variable.target
+        if isinstance(target, Prestress):
+            prestress.append((target, values))
+            continue
+        key = (target.node, target.axis) if isinstance(target, Coordinate) else target
+        arguments.setdefault(_ARGUMENTS.get(variable.quantity, variable.quantity), {})[key] = values
+    if prestress:
+        _apply_prestress(structure, prestress, arguments.setdefault("rest_length", {}), len(X))
+    return arguments
+
+
+def _apply_prestress(
+    structure: Structure,
+    prestress: Sequence[tuple[Prestress, Array]],
+    rest_length: dict[Any, Array],
+    n_points: int,
+) -> None:
+    changes: Mapping[str, Mapping[str, float]] = {
+        stage.name: stage.rest_length_changes for stage in structure.stages
+    }
+    for target, values in prestress:
+        for member in target.members:
+            before = rest_length.get(member, np.full(n_points, structure.members[member].rest_length))
+            rest_length[member] = before * (1.0 + values) / (1.0 + changes[target.stage][member])

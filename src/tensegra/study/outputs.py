@@ -1,0 +1,196 @@
+"""The outputs of a study: the quantities of interest, taken from solved runs."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from tensegra.errors import StudyError
+from tensegra.structure import Structure
+from tensegra.study.entry import Identifier, OneOf
+from tensegra.study.variables import Axis
+from tensegra.units import Dimension
+
+if TYPE_CHECKING:
+    from tensegra.mechanics import Batch
+
+__all__ = ["Output", "OutputEntry", "bind_output"]
+
+Array: TypeAlias = NDArray[np.float64]
+Nodes: TypeAlias = tuple[Identifier, ...]
+
+ALL = "all"
+"""In place of a group: every member."""
+
+
+class OutputEntry(OneOf):
+    """An output as a study file writes it; exactly one quantity.
+
+    ``displacement``, ``coordinate``
+        Along an axis, the mean over `nodes`; displacements are from the last stage's equilibrium.
+    ``distance``
+        Between the two `nodes` given.
+    ``tension``
+        Of a member.
+    ``max_tension``, ``min_tension``, ``slack_cables``
+        The largest and the smallest tension, the number of slack cables, of a group or of ``all``.
+    ``lowest_eigenvalue``
+        Of the tangent stiffness.
+    """
+
+    displacement: Axis | None = None
+    coordinate: Axis | None = None
+    distance: Literal[True] | None = None
+    tension: Identifier | None = None
+    max_tension: Identifier | None = None
+    min_tension: Identifier | None = None
+    slack_cables: Identifier | None = None
+    lowest_eigenvalue: Literal[True] | None = None
+    nodes: Nodes | None = Field(default=None, min_length=1)
+    label: str = ""
+
+    @classmethod
+    def _alternatives(cls) -> list[str]:
+        return list(DIMENSIONS)
+
+
+DIMENSIONS: dict[str, Dimension] = {
+    "displacement": "length",
+    "coordinate": "length",
+    "distance": "length",
+    "tension": "force",
+    "max_tension": "force",
+    "min_tension": "force",
+    "slack_cables": "ratio",
+    "lowest_eigenvalue": "force per length",
+}
+"""The quantities that can be an output, and their dimensions."""
+
+
+@dataclass(frozen=True)
+class Output:
+    """A quantity of interest.
+
+    Parameters
+    ----------
+    name
+        Name of its column.
+    quantity
+        A key of `OutputEntry`.
+    target
+        The axis, member or group; empty where the quantity needs none.
+    nodes, members
+        The nodes or members that it is taken at; empty where it is about the others or the whole.
+    unit
+        Unit of its values, ``""`` for a number.
+    label
+        Text for axes; the name, if it is empty.
+    """
+
+    name: str
+    quantity: str
+    target: str = ""
+    nodes: Nodes = ()
+    members: tuple[str, ...] = ()
+    unit: str = ""
+    label: str = ""
+
+    def of(self, runs: "Batch") -> Array:
+        """Return the output of every run, shape (n_runs,); NaN where a run has none."""
+        return np.asarray(_VALUES[self.quantity](self, runs), dtype=np.float64)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the entry that a study file would hold."""
+        entry: dict[str, Any] = {self.quantity: self.target or True}
+        if self.nodes:
+            entry["nodes"] = list(self.nodes)
+        if self.label:
+            entry["label"] = self.label
+        return entry
+
+
+def bind_output(name: str, entry: OutputEntry, structure: Structure, place: str) -> Output:
+    """Join an output's entry with the structure that it is taken from.
+
+    Raises
+    ------
+    StudyError
+        If the structure has no such node, member or group, or the nodes do not fit the quantity.
+    """
+    _require_nodes(entry, structure, place)
+    dimension = DIMENSIONS[entry.kind]
+    return Output(
+        name=name,
+        quantity=entry.kind,
+        target="" if entry.value is True else str(entry.value),
+        nodes=entry.nodes or (),
+        members=_members(entry, structure, f"{place}.{entry.kind}"),
+        unit="" if dimension == "ratio" else structure.units.of(dimension),
+        label=entry.label,
+    )
+
+
+def _members(entry: OutputEntry, structure: Structure, place: str) -> tuple[str, ...]:
+    """Return the members that an output is about; none for an output about nodes or the whole."""
+    if entry.kind == "tension":
+        if entry.value not in structure.members:
+            raise StudyError.at(place, entry.value, "a member", candidates=structure.members)
+        return (str(entry.value),)
+    if entry.kind not in {"max_tension", "min_tension", "slack_cables"}:
+        return ()
+    name = str(entry.value)
+    if name == ALL:
+        return structure.member_ids
+    if name not in structure.members and name not in structure.groups:
+        known = [ALL, *structure.groups, *structure.members]
+        raise StudyError.at(place, name, "a group, a member or 'all'", candidates=known)
+    return structure.members_named(name)
+
+
+def _require_nodes(entry: OutputEntry, structure: Structure, place: str) -> None:
+    about_nodes = entry.kind in {"displacement", "coordinate", "distance"}
+    if about_nodes and entry.nodes is None:
+        raise StudyError(f"{place}.nodes: the key is missing")
+    if not about_nodes and entry.nodes is not None:
+        raise StudyError(f"{place}.nodes: found nodes, which {entry.kind} does not take")
+    if entry.kind == "distance" and len(entry.nodes or ()) != 2:
+        raise StudyError.at(f"{place}.nodes", list(entry.nodes or ()), "two nodes")
+    for i, node in enumerate(entry.nodes or ()):
+        if node not in structure.nodes:
+            raise StudyError.at(f"{place}.nodes[{i}]", node, "a node", candidates=structure.nodes)
+
+
+def _distance(output: Output, runs: "Batch") -> Array:
+    first, second = (list(runs.node_ids).index(node) for node in output.nodes)
+    separation: Array = np.linalg.norm(runs.nodes[:, second] - runs.nodes[:, first], axis=1)
+    return separation
+
+
+def _tensions(output: Output, runs: "Batch") -> Array:
+    return runs.tensions[:, _rows(output, runs)]
+
+
+def _rows(output: Output, runs: "Batch") -> list[int]:
+    row = {member: i for i, member in enumerate(runs.member_ids)}
+    return [row[member] for member in output.members]
+
+
+def _slack_cables(output: Output, runs: "Batch") -> Array:
+    count = runs.slack[:, _rows(output, runs)].sum(axis=1)
+    return np.where(np.isnan(runs.tensions).any(axis=1), np.nan, count)
+
+
+_VALUES: dict[str, Callable[[Output, "Batch"], Array]] = {
+    "displacement": lambda output, runs: runs.displacement(output.target, nodes=output.nodes),
+    "coordinate": lambda output, runs: runs.coordinate(output.target, nodes=output.nodes),
+    "distance": _distance,
+    "tension": lambda output, runs: runs.tension(output.target),
+    "max_tension": lambda output, runs: _tensions(output, runs).max(axis=1),
+    "min_tension": lambda output, runs: _tensions(output, runs).min(axis=1),
+    "slack_cables": _slack_cables,
+    "lowest_eigenvalue": lambda _, runs: runs.lowest_eigenvalue,
+}
+"""How each quantity is taken from the solved runs."""

@@ -1,0 +1,271 @@
+"""The variables of a study: what each acts on, its law, and whether the structure can take it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+from tensegra.errors import StudyError
+from tensegra.structure import Structure
+from tensegra.study.distributions import Distribution, as_distribution
+from tensegra.study.entry import Entry, Identifier, OneOf
+from tensegra.study.law_entries import DistributionEntry
+from tensegra.units import Dimension
+
+__all__ = [
+    "Axis",
+    "Coordinate",
+    "Prestress",
+    "Target",
+    "Variable",
+    "VariableEntry",
+    "bind_variable",
+    "require_distinct_targets",
+    "require_range",
+]
+
+Axis = Literal["x", "y", "z"]
+
+
+class Coordinate(Entry):
+    """One coordinate of a node."""
+
+    node: Identifier
+    axis: Axis
+
+    def __str__(self) -> str:
+        return f"{self.node}.{self.axis}"
+
+
+class Prestress(Entry):
+    """The change of rest length that a stage gives to members, one value for all of them."""
+
+    stage: Identifier
+    members: tuple[Identifier, ...]
+
+    def __str__(self) -> str:
+        return f"{self.stage}: {', '.join(self.members)}"
+
+
+Target: TypeAlias = str | Coordinate | Prestress
+
+DIMENSIONS: dict[str, Dimension] = {
+    "actuator": "ratio",
+    "temperature": "temperature",
+    "youngs_modulus": "stress",
+    "area": "area",
+    "rest_length": "length",
+    "load": "force",
+    "position": "length",
+    "prestress": "ratio",
+}
+"""What a variable can act on, and the dimension that its values then have."""
+
+
+class VariableEntry(OneOf):
+    """A variable as a study file writes it: what it acts on, and its distribution.
+
+    ``actuator``
+        The actuator's value.
+    ``temperature``
+        Difference of temperature of a member or a group.
+    ``youngs_modulus``, ``area``, ``rest_length``
+        The value itself, of a material, of a member or group, of a member, before all stages.
+    ``load``
+        Force on a node along an axis, added to the last stage's.
+    ``position``
+        Shift of a support along an axis.
+    ``prestress``
+        The value, in a stage's `rest_length_changes`, of the members named.
+    """
+
+    actuator: Identifier | None = None
+    temperature: Identifier | None = None
+    youngs_modulus: Identifier | None = None
+    area: Identifier | None = None
+    rest_length: Identifier | None = None
+    load: Coordinate | None = None
+    position: Coordinate | None = None
+    prestress: Prestress | None = None
+    distribution: DistributionEntry
+    label: str = ""
+
+    @classmethod
+    def _alternatives(cls) -> list[str]:
+        return list(DIMENSIONS)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """An uncertain or free input of a structure.
+
+    Parameters
+    ----------
+    name
+        Name of its column.
+    quantity
+        What it acts on: a key of `VariableEntry`.
+    target
+        Which of them: a name, a node's coordinate, or the members of a stage.
+    distribution
+        Its law.
+    unit
+        Unit of its values, ``""`` for a ratio.
+    label
+        Text for axes; the name, if it is empty.
+    """
+
+    name: str
+    quantity: str
+    target: Target
+    distribution: Distribution
+    unit: str = ""
+    label: str = ""
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the entry that a study file would hold, all explicit."""
+        target = self.target if isinstance(self.target, str) else self.target.written()
+        entry = {self.quantity: target, "distribution": self.distribution.to_mapping()}
+        return {**entry, "label": self.label} if self.label else entry
+
+
+def bind_variable(name: str, entry: VariableEntry, structure: Structure, place: str) -> Variable:
+    """Join a variable's entry with the structure that it acts on.
+
+    Parameters
+    ----------
+    name
+        Name of the variable.
+    entry
+        What the study file says of it.
+    structure
+        What it acts on.
+    place
+        Where the entry stands, the beginning of every message.
+
+    Raises
+    ------
+    StudyError
+        If the structure has no such actuator, group, member, material, node or stage, or cannot take
+        every value of the distribution's box.
+    """
+    dimension = DIMENSIONS[entry.kind]
+    variable = Variable(
+        name=name,
+        quantity=entry.kind,
+        target=entry.value,
+        distribution=as_distribution(entry.distribution, f"{place}.distribution"),
+        unit="" if dimension == "ratio" else structure.units.of(dimension),
+        label=entry.label,
+    )
+    _require_target(variable, structure, f"{place}.{entry.kind}")
+    require_range(variable, structure, variable.distribution.box, f"{place}.distribution")
+    return variable
+
+
+def _require_target(variable: Variable, structure: Structure, place: str) -> None:
+    target = variable.target
+    if isinstance(target, Coordinate):
+        _require_coordinate(variable.quantity, target, structure, place)
+    elif isinstance(target, Prestress):
+        _require_prestress(target, structure, place)
+    else:
+        expected, known = _targets(variable.quantity, structure)
+        if target not in known:
+            raise StudyError.at(place, target, expected, candidates=known)
+    if variable.quantity == "area":
+        for member in structure.members_named(str(target)):
+            if structure.members[member].area is None:
+                raise StudyError(
+                    f"{place}: member {member!r} has a stiffness instead of an area, expected an area"
+                )
+
+
+def _targets(quantity: str, structure: Structure) -> tuple[str, list[str]]:
+    """Return what a quantity acts on, as a phrase, and the names that the structure has for it."""
+    match quantity:
+        case "actuator":
+            return "an actuator", list(structure.actuators)
+        case "youngs_modulus":
+            used = {member.material for member in structure.members.values() if member.area is not None}
+            return "a material that gives a member its stiffness", [
+                name for name in structure.materials if name in used
+            ]
+        case "rest_length":
+            return "a member", list(structure.members)
+    return "a member or a group", [*structure.groups, *structure.members]
+
+
+def _require_coordinate(quantity: str, target: Coordinate, structure: Structure, place: str) -> None:
+    if target.node not in structure.nodes:
+        raise StudyError.at(f"{place}.node", target.node, "a node", candidates=structure.nodes)
+    held = structure.supports.get(target.node, "")
+    if quantity == "position" and target.axis not in held:
+        raise StudyError.at(
+            f"{place}.axis", target.axis, f"an axis that supports node {target.node} ({held or 'none does'})"
+        )
+
+
+def _require_prestress(target: Prestress, structure: Structure, place: str) -> None:
+    names = [stage.name for stage in structure.stages]
+    if target.stage not in names:
+        raise StudyError.at(f"{place}.stage", target.stage, "a stage of the structure", candidates=names)
+    index = names.index(target.stage)
+    changed = structure.stages[index].rest_length_changes
+    for member in target.members:
+        if member not in changed:
+            raise StudyError.at(
+                f"{place}.members",
+                member,
+                f"a member that stage {target.stage!r} changes",
+                candidates=changed,
+            )
+        for stage in (*structure.stages[index:],):
+            if member in stage.rest_lengths:
+                raise StudyError(
+                    f"{place}.members: stage {stage.name!r} sets the rest length of {member!r} anew, "
+                    "expected a member on which the prestress still acts"
+                )
+
+
+def require_range(variable: Variable, structure: Structure, values: tuple[float, float], place: str) -> None:
+    """Refuse values, given by the least and the greatest, of which the structure cannot take all.
+
+    Raises
+    ------
+    StudyError
+        If an actuation or a prestress leaves no rest length, or a modulus, an area or a rest length
+        is not positive.
+    """
+    low, high = values
+    found = f"values from {low:.6g} to {high:.6g}"
+    match variable.quantity:
+        case "actuator":
+            actuator = structure.actuators[str(variable.target)]
+            if min(actuator.factor(low), actuator.factor(high)) <= 0:
+                limit = "below 1" if actuator.effect == "shorten" else "above -1"
+                raise StudyError(f"{place}: found {found}, expected values {limit} that leave a rest length")
+        case "youngs_modulus" | "area" | "rest_length":
+            if low <= 0:
+                raise StudyError(f"{place}: found {found}, expected a positive {variable.quantity}")
+        case "prestress":
+            if low <= -1:
+                raise StudyError(f"{place}: found {found}, expected values above -1 that leave a rest length")
+
+
+def require_distinct_targets(variables: Mapping[str, Variable], place: str) -> None:
+    """Refuse two variables that act on the same thing, for one would overrule the other.
+
+    Raises
+    ------
+    StudyError
+        Naming both.
+    """
+    seen: dict[tuple[str, str], str] = {}
+    for name, variable in variables.items():
+        parts = variable.target.members if isinstance(variable.target, Prestress) else [str(variable.target)]
+        for part in parts:
+            other = seen.setdefault((variable.quantity, part), name)
+            if other != name:
+                raise StudyError(
+                    f"{place}.{name}: acts on the {variable.quantity} {part!r}, as {other!r} does"
+                )

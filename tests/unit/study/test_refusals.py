@@ -1,0 +1,180 @@
+"""Bad input: one line that says place, found, expected and the nearest known name."""
+
+import pytest
+from study_contents import set_at
+
+from tensegra.errors import StudyError
+from tensegra.study import parse_study
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("sedd", 1, "study: found 'sedd', expected one of schema, name"),
+        (
+            "variables.A14.actuator",
+            "A41",
+            "A14.actuator: found 'A41', expected an actuator; did you",
+        ),
+        (
+            "variables.A14.distribution",
+            {"uniform": [0.5, 1.0]},
+            "found values from 0.5 to 1, expected values below 1",
+        ),
+        (
+            "variables.A23.distribution",
+            {"uniform": [-1.2, 0]},
+            "expected values above -1 that leave a rest length",
+        ),
+        (
+            "variables.A14.distribution",
+            {"normal": ["1 kN", 1]},
+            "variables.A14.distribution.normal.mean: found '1 kN'",
+        ),
+        (
+            "variables.E",
+            {"youngs_modulus": "stel", "distribution": {"uniform": [1, 2]}},
+            "did you mean 'steel'?",
+        ),
+        (
+            "variables.E",
+            {"youngs_modulus": "steel", "distribution": {"normal": [11500, 3000]}},
+            "E.distribution: found values from -2760.27 to 25760.3, expected a positive youngs_modulus",
+        ),
+        ("variables.T", {"temperature": "topp", "distribution": {"uniform": [0, 9]}}, "did you mean 'top'?"),
+        ("variables.a", {"area": "K1", "distribution": {"uniform": [-1, 1]}}, "expected a positive area"),
+        (
+            "variables.l",
+            {"rest_length": "K9", "distribution": {"uniform": [1, 2]}},
+            "found 'K9', expected a member",
+        ),
+        (
+            "variables.p",
+            {"load": {"node": 99, "axis": "z"}, "distribution": {"uniform": [0, 1]}},
+            "variables.p.load.node: found '99', expected a node",
+        ),
+        (
+            "variables.p",
+            {"load": {"node": 18, "axis": "w"}, "distribution": {"uniform": [0, 1]}},
+            "variables.p.load.axis: found 'w', expected one of x, y, z",
+        ),
+        (
+            "variables.p",
+            {"position": {"node": 18, "axis": "z"}, "distribution": {"uniform": [0, 1]}},
+            "expected an axis that supports node 18 (none does)",
+        ),
+        (
+            "variables.p",
+            {
+                "prestress": {"stage": "prestres", "members": ["K1"]},
+                "distribution": {"uniform": [-0.03, -0.02]},
+            },
+            "variables.p.prestress.stage: found 'prestres', expected a stage of the structure; did you mean",
+        ),
+        (
+            "variables.p",
+            {
+                "prestress": {"stage": "prestress", "members": ["K2"]},
+                "distribution": {"uniform": [-0.03, -0.02]},
+            },
+            "expected a member that stage 'prestress' changes",
+        ),
+        (
+            "variables.B",
+            {"distribution": {"uniform": [0, 1]}},
+            "variables.B: found 'none of them', expected exactly one",
+        ),
+        (
+            "variables.B",
+            {"actuator": "A14", "distribution": {"uniform": [0, 0.1]}},
+            "acts on the actuator 'A14', as 'A14'",
+        ),
+        (
+            "variables.1a",
+            {"actuator": "A1", "distribution": {"uniform": [0, 0.1]}},
+            "found '1a', expected a name",
+        ),
+        (
+            "variables.lambda",
+            {"actuator": "A1", "distribution": {"uniform": [0, 0.1]}},
+            "found 'lambda', expected",
+        ),
+        ("outputs.status", {"tension": "K1"}, "found 'status', expected another name"),
+        ("outputs.A14", {"tension": "K1"}, "found 'A14', expected another name: a variable has this one"),
+        ("outputs.w.nodes", [18, 32], "outputs.w.nodes[1]: found '32', expected a node; did you mean '3'?"),
+        ("outputs.w.displacement", "up", "outputs.w.displacement: found 'up', expected one of x, y, z"),
+        ("outputs.x", {"displacement": "z"}, "outputs.x.nodes: the key is missing"),
+        (
+            "outputs.x",
+            {"tension": "K1", "nodes": [1]},
+            "outputs.x.nodes: found nodes, which tension does not take",
+        ),
+        ("outputs.x", {"distance": True, "nodes": [1]}, "expected two nodes"),
+        ("outputs.x", {"max_tension": "clusterd"}, "did you mean 'clustered'?"),
+        ("outputs", {}, "study: outputs: found {}"),
+        ("design.sampler", "sobel", "design.sampler: found 'sobel', expected one of sobol"),
+        ("design", {"sizes": 4}, "design: the key 'sampler' is missing"),
+        ("design.sizes", 0, "design.sizes"),
+        ("design.sizes", 1.5, "design.sizes"),
+        (
+            "design.size",
+            8,
+            "design: found 'size', expected one of sampler, sizes, scramble; did you mean 'sizes'?",
+        ),
+        (
+            "design",
+            {"sampler": "full_factorial", "levels": {"A14": 2}},
+            "expected every variable, 'A23' is missing",
+        ),
+        ("design", {"sampler": "full_factorial", "levels": 10**6}, "expected at most"),
+        ("design", {"sampler": "file", "file": "none.csv"}, "design.file: found 'none.csv'"),
+        ("correlation", [[1, 2], [2, 1]], "correlation: expected a symmetric matrix"),
+        ("correlation", [[1, 0], [1]], "correlation"),
+        (
+            "structure",
+            "library:paper_baem",
+            "found 'paper_baem', expected a built-in structure; did you mean",
+        ),
+        ("structure", "none.yaml", "none.yaml"),
+        ("structure", 3, "structure"),
+        ("changes", {"gravty": [0, 0, 0]}, "study: changes"),
+        ("changes", 3, "changes: found 3, expected a mapping"),
+        ("surrogates", {"truth": {"kind": "gpr"}}, "choose another"),
+        ("surrogates", {"g": {"kind": "gp"}}, "surrogates.g.kind: found 'gp', expected one of gpr, nn, pce"),
+        (
+            "surrogates",
+            {"g": {"kind": "gpr", "outputs": ["ww"]}},
+            "surrogates.g.outputs: found 'ww', expected an output",
+        ),
+        ("analyses", [{"propagation": {"model": "gpr"}}], "found 'gpr', expected a surrogate or 'truth'"),
+        (
+            "analyses",
+            [{"sensitivity": {"model": "truth", "samples": 1000}}],
+            "expected a power of two such as 512 or 1024",
+        ),
+        (
+            "analyses",
+            [{"optimisation": {"model": "truth"}}],
+            "analyses[0].optimisation.objective: the key is missing",
+        ),
+        (
+            "analyses",
+            [{"optimisation": {"model": "truth", "objective": "w", "bounds": {"A41": [0, 1]}}}],
+            "analyses[0].optimisation.bounds: found 'A41', expected a variable; did you mean 'A14'?",
+        ),
+        (
+            "analyses",
+            [{"propagation": {"model": "truth", "inputs": {"A14": {"same_as": "A14"}}}}],
+            "inputs.A14.same_as: found 'A14', expected another variable",
+        ),
+        ("analyses", [{"regression": {}}], "analyses[0]: found 'regression', expected one of propagation"),
+    ],
+)
+def test_bad_input_is_refused_with_one_message(content, path, value, message):
+    set_at(content, path, value)
+    with pytest.raises(StudyError) as caught:
+        parse_study(content)
+    text = str(caught.value)
+    assert message in text
+    assert text.startswith("study: ")
+    assert "\n" not in text
