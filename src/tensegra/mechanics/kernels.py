@@ -1,17 +1,21 @@
-"""Compiled kernels: internal force, tangent stiffness, block LDLᵀ, all over lanes of runs.
+"""Compiled kernels: internal force, tangent stiffness, block LDLᵀ.
 
-Every array has the lanes (runs in lockstep) as its last, contiguous axis, and every innermost loop
-runs over them, so that the compiler turns it into vector instructions. One structure alone is the
-case of one lane. Symbols are those of the nomenclature: ℓ path length, l₀ rest length, T tension,
-k = EA/l₀, n unit vector along a segment, b = ∂ℓ/∂x.
+Every kernel is written for one run and compiled for one run or for eight in lockstep, by the shape
+of its arrays: ``(n,)`` or ``(n, WIDTH)`` (`tensegra.mechanics.lanes`). Shapes below leave the lanes
+out. Symbols are those of the nomenclature: ℓ path length, l₀ rest length, T tension, k = EA/l₀,
+n unit vector along a segment, s its length, b = ∂ℓ/∂x.
 """
 
 import numba as nb
 import numpy as np
 
-from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray
+from tensegra.mechanics.arrays import FloatArray, IndexArray
+from tensegra.mechanics.lanes import choose, less, load, magnitude, maximum, root, store, zero
 
-njit = nb.njit(cache=True, error_model="numpy", nogil=True)
+njit = nb.njit(cache=True, error_model="numpy", nogil=True, boundscheck=False)
+
+PIVOT_ROUNDING = 1e-15
+"""Pivots below this share of their diagonal entry are rounding errors of a zero."""
 
 
 @njit
@@ -19,7 +23,7 @@ def measure(
     x: FloatArray,
     rest_length: FloatArray,
     stiffness: FloatArray,
-    taut: BoolArray,
+    taut: FloatArray,
     segment_nodes: IndexArray,
     segment_start: IndexArray,
     unit: FloatArray,
@@ -28,54 +32,61 @@ def measure(
     tension: FloatArray,
     axial: FloatArray,
 ) -> None:
-    """Measure all members at the positions `x`.
+    """Measure all members at the positions `x`, ``(3 n_nodes,)``.
 
-    Fills, per lane: `unit` n (3 n_segments), `inverse_length` 1/s (n_segments), `length` ℓ,
-    `tension` T and `axial` k (n_members). T and k are those of a linear member where `taut` says
-    that it carries force, and zero elsewhere; the caller keeps `taut` in step with the signs of T.
+    Fills `unit` n ``(3 n_segments,)``, `inverse_length` 1/s ``(n_segments,)``, `length` ℓ,
+    `tension` T and `axial` k ``(n_members,)``. T and k are those of a linear member where `taut` is
+    one and zero where it is zero; the caller keeps `taut` in step with the signs of T.
     """
-    lanes = x.shape[1]
     for e in range(segment_start.size - 1):
-        for a in range(lanes):
-            length[e, a] = 0.0
+        total = zero(length)
         for s in range(segment_start[e], segment_start[e + 1]):
             i, j = 3 * segment_nodes[s, 0], 3 * segment_nodes[s, 1]
-            for a in range(lanes):
-                dx = x[j, a] - x[i, a]
-                dy = x[j + 1, a] - x[i + 1, a]
-                dz = x[j + 2, a] - x[i + 2, a]
-                distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-                inverse = 1.0 / distance
-                unit[3 * s, a] = dx * inverse
-                unit[3 * s + 1, a] = dy * inverse
-                unit[3 * s + 2, a] = dz * inverse
-                inverse_length[s, a] = inverse
-                length[e, a] += distance
-        for a in range(lanes):
-            k = stiffness[e, a] / rest_length[e, a] if taut[e, a] else 0.0
-            tension[e, a] = k * (length[e, a] - rest_length[e, a])
-            axial[e, a] = k
+            dx = load(x, j) - load(x, i)
+            dy = load(x, j + 1) - load(x, i + 1)
+            dz = load(x, j + 2) - load(x, i + 2)
+            distance = root(dx * dx + dy * dy + dz * dz)
+            inverse = 1.0 / distance
+            store(unit, 3 * s, dx * inverse)
+            store(unit, 3 * s + 1, dy * inverse)
+            store(unit, 3 * s + 2, dz * inverse)
+            store(inverse_length, s, inverse)
+            total = total + distance
+        k = load(taut, e) * load(stiffness, e) / load(rest_length, e)
+        store(length, e, total)
+        store(axial, e, k)
+        store(tension, e, k * (total - load(rest_length, e)))
 
 
 @njit
 def internal_force(
-    unit: FloatArray,
-    tension: FloatArray,
-    segment_nodes: IndexArray,
-    segment_start: IndexArray,
-    force: FloatArray,
+    unit: FloatArray, tension: FloatArray, segment_nodes: IndexArray, segment_start: IndexArray, force: FloatArray
 ) -> None:
-    """Sum f = Σ T b over all members (Eq. 5 of the source), shape ``(3 n_nodes, lanes)``."""
-    lanes = unit.shape[1]
-    force[:] = 0.0
+    """Sum f = Σ T b over all members (Eq. 5 of the source), ``(3 n_nodes,)``."""
+    for i in range(force.shape[0]):
+        store(force, i, zero(force))
     for e in range(segment_start.size - 1):
+        t = load(tension, e)
         for s in range(segment_start[e], segment_start[e + 1]):
             i, j = 3 * segment_nodes[s, 0], 3 * segment_nodes[s, 1]
             for c in range(3):
-                for a in range(lanes):
-                    component = tension[e, a] * unit[3 * s + c, a]
-                    force[i + c, a] -= component
-                    force[j + c, a] += component
+                component = t * load(unit, 3 * s + c)
+                store(force, i + c, load(force, i + c) - component)
+                store(force, j + c, load(force, j + c) + component)
+
+
+@njit
+def stretch_rate(
+    unit: FloatArray, segment_nodes: IndexArray, segment_start: IndexArray, motion: FloatArray, rate: FloatArray
+) -> None:
+    """Differentiate the path lengths along a motion v of the nodes: b·v, ``(n_members,)``."""
+    for e in range(segment_start.size - 1):
+        total = zero(rate)
+        for s in range(segment_start[e], segment_start[e + 1]):
+            i, j = 3 * segment_nodes[s, 0], 3 * segment_nodes[s, 1]
+            for c in range(3):
+                total = total + load(unit, 3 * s + c) * (load(motion, j + c) - load(motion, i + c))
+        store(rate, e, total)
 
 
 @njit
@@ -83,75 +94,57 @@ def force_rate(
     unit: FloatArray,
     inverse_length: FloatArray,
     tension: FloatArray,
-    axial: FloatArray,
+    tension_rate: FloatArray,
     segment_nodes: IndexArray,
     segment_start: IndexArray,
     motion: FloatArray,
-    tension_rate: FloatArray,
     rate: FloatArray,
 ) -> None:
-    """Differentiate the internal force along a motion of the nodes.
+    """Differentiate the internal force along a motion v of the nodes, ``(3 n_nodes,)``.
 
-    ``rate = Σ (k (b·v) + Ṫ) b + T ∂²ℓ v`` with the motion v and the rate Ṫ that tensions have
-    where the nodes stay (from rest lengths, temperatures, stiffnesses).
+    ``rate = Σ Ṫ b + T ∂²ℓ v`` with the whole rate Ṫ of the tensions, ``(n_members,)``.
     """
-    lanes = unit.shape[1]
-    rate[:] = 0.0
-    total = np.empty(lanes)
+    for i in range(rate.shape[0]):
+        store(rate, i, zero(rate))
     for e in range(segment_start.size - 1):
-        for a in range(lanes):
-            total[a] = 0.0
+        t, t_rate = load(tension, e), load(tension_rate, e)
         for s in range(segment_start[e], segment_start[e + 1]):
             i, j = 3 * segment_nodes[s, 0], 3 * segment_nodes[s, 1]
-            for c in range(3):
-                for a in range(lanes):
-                    total[a] += unit[3 * s + c, a] * (motion[j + c, a] - motion[i + c, a])
-        for a in range(lanes):
-            total[a] = axial[e, a] * total[a] + tension_rate[e, a]
-        for s in range(segment_start[e], segment_start[e + 1]):
-            i, j = 3 * segment_nodes[s, 0], 3 * segment_nodes[s, 1]
-            for a in range(lanes):
-                vx = motion[j, a] - motion[i, a]
-                vy = motion[j + 1, a] - motion[i + 1, a]
-                vz = motion[j + 2, a] - motion[i + 2, a]
-                nx, ny, nz = unit[3 * s, a], unit[3 * s + 1, a], unit[3 * s + 2, a]
-                stress = tension[e, a] * inverse_length[s, a]
-                along = total[a] - stress * (nx * vx + ny * vy + nz * vz)
-                rx = stress * vx + along * nx
-                ry = stress * vy + along * ny
-                rz = stress * vz + along * nz
-                rate[i, a] -= rx
-                rate[i + 1, a] -= ry
-                rate[i + 2, a] -= rz
-                rate[j, a] += rx
-                rate[j + 1, a] += ry
-                rate[j + 2, a] += rz
+            vx = load(motion, j) - load(motion, i)
+            vy = load(motion, j + 1) - load(motion, i + 1)
+            vz = load(motion, j + 2) - load(motion, i + 2)
+            nx, ny, nz = load(unit, 3 * s), load(unit, 3 * s + 1), load(unit, 3 * s + 2)
+            stress = t * load(inverse_length, s)
+            along = t_rate - stress * (nx * vx + ny * vy + nz * vz)
+            rx, ry, rz = stress * vx + along * nx, stress * vy + along * ny, stress * vz + along * nz
+            store(rate, i, load(rate, i) - rx)
+            store(rate, i + 1, load(rate, i + 1) - ry)
+            store(rate, i + 2, load(rate, i + 2) - rz)
+            store(rate, j, load(rate, j) + rx)
+            store(rate, j + 1, load(rate, j + 1) + ry)
+            store(rate, j + 2, load(rate, j + 2) + rz)
 
 
 @njit
 def path_gradient(
-    unit: FloatArray,
-    first_segment: int,
-    last_segment: int,
-    segment_local: IndexArray,
-    gradient: FloatArray,
+    unit: FloatArray, first_segment: int, last_segment: int, segment_local: IndexArray, gradient: FloatArray
 ) -> None:
-    """Sum b = ∂ℓ/∂x of one member over the distinct nodes of its path, ``(3 m, lanes)``."""
-    lanes = unit.shape[1]
-    gradient[:] = 0.0
+    """Sum b = ∂ℓ/∂x of one member over the distinct nodes of its path, ``(3 m,)``."""
+    for i in range(gradient.shape[0]):
+        store(gradient, i, zero(gradient))
     for s in range(first_segment, last_segment):
         i, j = 3 * segment_local[s, 0], 3 * segment_local[s, 1]
         for c in range(3):
-            for a in range(lanes):
-                gradient[i + c, a] -= unit[3 * s + c, a]
-                gradient[j + c, a] += unit[3 * s + c, a]
+            component = load(unit, 3 * s + c)
+            store(gradient, i + c, load(gradient, i + c) - component)
+            store(gradient, j + c, load(gradient, j + c) + component)
 
 
 @njit
 def assemble(
     unit: FloatArray,
     inverse_length: FloatArray,
-    tension: FloatArray,
+    stress: FloatArray,
     axial: FloatArray,
     segment_nodes: IndexArray,
     segment_start: IndexArray,
@@ -165,57 +158,53 @@ def assemble(
     pair_entry: IndexArray,
     held_entry: IndexArray,
     held_diagonal: IndexArray,
+    gradient: FloatArray,
     blocks: FloatArray,
 ) -> None:
     """Assemble K = Σ k b bᵀ + T ∂²ℓ (Eq. 1 of the source) into the blocks of the pattern.
 
-    The term k b bᵀ of a clustered member without pairs in the pattern is left out: it is the
-    low-rank term of the caller.
+    `stress` are the tensions T of the geometric part. The term k b bᵀ of a clustered member without
+    pairs in the pattern is left out: it is the low-rank term of the caller. `gradient` is
+    workspace, as long as the longest path.
     """
-    lanes = unit.shape[1]
-    blocks[:] = 0.0
-    longest = 0
-    for e in range(path_start.size - 1):
-        longest = max(longest, path_start[e + 1] - path_start[e])
-    gradient = np.empty((3 * longest, lanes))
+    for i in range(blocks.shape[0]):
+        store(blocks, i, zero(blocks))
     for e in range(segment_start.size - 1):
         single = segment_start[e + 1] - segment_start[e] == 1
+        t, k = load(stress, e), load(axial, e)
         for s in range(segment_start[e], segment_start[e + 1]):
-            block_i = node_block[segment_nodes[s, 0]]
-            block_j = node_block[segment_nodes[s, 1]]
-            diagonal_i = 9 * column_start[block_i] if block_i >= 0 else -1
-            diagonal_j = 9 * column_start[block_j] if block_j >= 0 else -1
-            coupling = 9 * segment_entry[s] if segment_entry[s] >= 0 else -1
+            block_i, block_j = node_block[segment_nodes[s, 0]], node_block[segment_nodes[s, 1]]
+            across = t * load(inverse_length, s)
+            along = (k if single else zero(axial)) - across
             for c in range(3):
+                scaled = along * load(unit, 3 * s + c)
                 for d in range(3):
-                    for a in range(lanes):
-                        stress = tension[e, a] * inverse_length[s, a]
-                        along = axial[e, a] - stress if single else -stress
-                        value = along * unit[3 * s + c, a] * unit[3 * s + d, a]
-                        if c == d:
-                            value += stress
-                        if diagonal_i >= 0:
-                            blocks[diagonal_i + 3 * c + d, a] += value
-                        if diagonal_j >= 0:
-                            blocks[diagonal_j + 3 * c + d, a] += value
-                        if coupling >= 0:
-                            blocks[coupling + 3 * c + d, a] -= value
+                    value = scaled * load(unit, 3 * s + d)
+                    if c == d:
+                        value = value + across
+                    if block_i >= 0:
+                        place = 9 * column_start[block_i] + 3 * c + d
+                        store(blocks, place, load(blocks, place) + value)
+                    if block_j >= 0:
+                        place = 9 * column_start[block_j] + 3 * c + d
+                        store(blocks, place, load(blocks, place) + value)
+                    if segment_entry[s] >= 0:
+                        place = 9 * segment_entry[s] + 3 * c + d
+                        store(blocks, place, load(blocks, place) - value)
         if pair_start[e + 1] > pair_start[e]:
-            path_gradient(unit, segment_start[e], segment_start[e + 1], segment_local, gradient)
+            n = 3 * (path_start[e + 1] - path_start[e])
+            path_gradient(unit, segment_start[e], segment_start[e + 1], segment_local, gradient[:n])
             for p in range(pair_start[e], pair_start[e + 1]):
                 row, column, target = 3 * pair_local[p, 0], 3 * pair_local[p, 1], 9 * pair_entry[p]
                 for c in range(3):
+                    scaled = k * load(gradient, row + c)
                     for d in range(3):
-                        for a in range(lanes):
-                            blocks[target + 3 * c + d, a] += (
-                                axial[e, a] * gradient[row + c, a] * gradient[column + d, a]
-                            )
-    for flat in held_entry:
-        for a in range(lanes):
-            blocks[flat, a] = 0.0
-    for flat in held_diagonal:
-        for a in range(lanes):
-            blocks[flat, a] = 1.0
+                        place = target + 3 * c + d
+                        store(blocks, place, load(blocks, place) + scaled * load(gradient, column + d))
+    for place in held_entry:
+        store(blocks, place, zero(blocks))
+    for place in held_diagonal:
+        store(blocks, place, zero(blocks) + 1.0)
 
 
 @njit
@@ -226,79 +215,76 @@ def factorise(
     left_column: IndexArray,
     left_entry: IndexArray,
     shift: FloatArray,
-    floor: FloatArray,
+    place: IndexArray,
     blocks: FloatArray,
     pivot_inverse: FloatArray,
-    n_negative: IndexArray,
-    smallest_pivot: FloatArray,
+    n_negative: FloatArray,
 ) -> None:
     """Factorise A + shift·I = L D Lᵀ by 3 × 3 blocks, in place, left-looking.
 
-    On return `blocks` holds U = L D below the diagonal and `pivot_inverse` the inverse of each
-    block of D; `n_negative` counts the negative scalar pivots, by Sylvester's law the negative
-    eigenvalues, and `smallest_pivot` is the least of them. A pivot smaller in size than `floor` is
-    replaced by it.
+    On return `blocks` holds U = L D below the diagonal and `pivot_inverse` the inverses of the
+    blocks of D (00, 01, 02, 11, 12, 22); `n_negative` ``(1,)`` counts the negative scalar pivots,
+    by Sylvester's law the negative eigenvalues. A pivot that is nothing but rounding beside the
+    diagonal entry that it comes from is replaced by that rounding. `place` is workspace, one a
+    block row.
     """
-    lanes = blocks.shape[1]
-    n_blocks = column_start.size - 1
-    place = np.empty(n_blocks, dtype=np.int64)
-    w = np.empty((9, lanes))
-    for a in range(lanes):
-        n_negative[a] = 0
-        smallest_pivot[a] = np.inf
-    for j in range(n_blocks):
+    negative = zero(n_negative)
+    moved = load(shift, 0)
+    for j in range(column_start.size - 1):
         for p in range(column_start[j], column_start[j + 1]):
             place[row[p]] = 9 * p
+        b = 9 * column_start[j]
+        largest = maximum(magnitude(load(blocks, b)), magnitude(load(blocks, b + 4)))
+        floor = PIVOT_ROUNDING * (maximum(largest, magnitude(load(blocks, b + 8))) + magnitude(moved))
         for t in range(left_start[j], left_start[j + 1]):
             k = left_column[t]
-            u, inverse = 9 * left_entry[t], 9 * k
-            for c in range(3):
-                for d in range(3):
-                    for a in range(lanes):
-                        w[3 * c + d, a] = (
-                            pivot_inverse[inverse + 3 * c, a] * blocks[u + 3 * d, a]
-                            + pivot_inverse[inverse + 3 * c + 1, a] * blocks[u + 3 * d + 1, a]
-                            + pivot_inverse[inverse + 3 * c + 2, a] * blocks[u + 3 * d + 2, a]
-                        )
+            u, q = 9 * left_entry[t], 6 * k
+            p00, p01, p02 = load(pivot_inverse, q), load(pivot_inverse, q + 1), load(pivot_inverse, q + 2)
+            p11, p12, p22 = load(pivot_inverse, q + 3), load(pivot_inverse, q + 4), load(pivot_inverse, q + 5)
+            u0, u1, u2 = load(blocks, u), load(blocks, u + 1), load(blocks, u + 2)
+            w00 = p00 * u0 + p01 * u1 + p02 * u2
+            w10 = p01 * u0 + p11 * u1 + p12 * u2
+            w20 = p02 * u0 + p12 * u1 + p22 * u2
+            u0, u1, u2 = load(blocks, u + 3), load(blocks, u + 4), load(blocks, u + 5)
+            w01 = p00 * u0 + p01 * u1 + p02 * u2
+            w11 = p01 * u0 + p11 * u1 + p12 * u2
+            w21 = p02 * u0 + p12 * u1 + p22 * u2
+            u0, u1, u2 = load(blocks, u + 6), load(blocks, u + 7), load(blocks, u + 8)
+            w02 = p00 * u0 + p01 * u1 + p02 * u2
+            w12 = p01 * u0 + p11 * u1 + p12 * u2
+            w22 = p02 * u0 + p12 * u1 + p22 * u2
             for p in range(left_entry[t], column_start[k + 1]):
-                target, u = place[row[p]], 9 * p
-                for c in range(3):
-                    for d in range(3):
-                        for a in range(lanes):
-                            blocks[target + 3 * c + d, a] -= (
-                                blocks[u + 3 * c, a] * w[d, a]
-                                + blocks[u + 3 * c + 1, a] * w[3 + d, a]
-                                + blocks[u + 3 * c + 2, a] * w[6 + d, a]
-                            )
-        b, inverse = 9 * column_start[j], 9 * j
-        for a in range(lanes):
-            a10, a20, a21 = blocks[b + 3, a], blocks[b + 6, a], blocks[b + 7, a]
-            d0 = blocks[b, a] + shift[a]
-            if abs(d0) < floor[a]:
-                d0 = floor[a] if d0 >= 0.0 else -floor[a]
-            l10, l20 = a10 / d0, a20 / d0
-            d1 = blocks[b + 4, a] + shift[a] - l10 * a10
-            if abs(d1) < floor[a]:
-                d1 = floor[a] if d1 >= 0.0 else -floor[a]
-            u21 = a21 - l20 * a10
-            l21 = u21 / d1
-            d2 = blocks[b + 8, a] + shift[a] - l20 * a20 - l21 * u21
-            if abs(d2) < floor[a]:
-                d2 = floor[a] if d2 >= 0.0 else -floor[a]
-            n_negative[a] += (d0 < 0.0) + (d1 < 0.0) + (d2 < 0.0)
-            smallest_pivot[a] = min(smallest_pivot[a], d0, d1, d2)
-            # L⁻¹ has the entries −l10, m20 = l10 l21 − l20, −l21; D⁻¹ = L⁻ᵀ diag(1/d) L⁻¹.
-            m20 = l10 * l21 - l20
-            i0, i1, i2 = 1.0 / d0, 1.0 / d1, 1.0 / d2
-            pivot_inverse[inverse, a] = i0 + l10 * l10 * i1 + m20 * m20 * i2
-            pivot_inverse[inverse + 1, a] = -l10 * i1 - m20 * l21 * i2
-            pivot_inverse[inverse + 2, a] = m20 * i2
-            pivot_inverse[inverse + 3, a] = pivot_inverse[inverse + 1, a]
-            pivot_inverse[inverse + 4, a] = i1 + l21 * l21 * i2
-            pivot_inverse[inverse + 5, a] = -l21 * i2
-            pivot_inverse[inverse + 6, a] = pivot_inverse[inverse + 2, a]
-            pivot_inverse[inverse + 7, a] = pivot_inverse[inverse + 5, a]
-            pivot_inverse[inverse + 8, a] = i2
+                target = place[row[p]]
+                for c in range(0, 9, 3):
+                    u0, u1, u2 = load(blocks, 9 * p + c), load(blocks, 9 * p + c + 1), load(blocks, 9 * p + c + 2)
+                    at = target + c
+                    store(blocks, at, load(blocks, at) - u0 * w00 - u1 * w10 - u2 * w20)
+                    store(blocks, at + 1, load(blocks, at + 1) - u0 * w01 - u1 * w11 - u2 * w21)
+                    store(blocks, at + 2, load(blocks, at + 2) - u0 * w02 - u1 * w12 - u2 * w22)
+        a10, a20 = load(blocks, b + 3), load(blocks, b + 6)
+        d0 = _kept_from_zero(load(blocks, b) + moved, floor)
+        l10, l20 = a10 / d0, a20 / d0
+        d1 = _kept_from_zero(load(blocks, b + 4) + moved - l10 * a10, floor)
+        u21 = load(blocks, b + 7) - l20 * a10
+        l21 = u21 / d1
+        d2 = _kept_from_zero(load(blocks, b + 8) + moved - l20 * a20 - l21 * u21, floor)
+        negative = negative + less(d0, zero(shift)) + less(d1, zero(shift)) + less(d2, zero(shift))
+        # L⁻¹ has the entries −l10, m20 = l10 l21 − l20, −l21; D⁻¹ = L⁻ᵀ diag(1/d) L⁻¹.
+        m20 = l10 * l21 - l20
+        i0, i1, i2 = 1.0 / d0, 1.0 / d1, 1.0 / d2
+        q = 6 * j
+        store(pivot_inverse, q, i0 + l10 * l10 * i1 + m20 * m20 * i2)
+        store(pivot_inverse, q + 1, -1.0 * (l10 * i1 + m20 * l21 * i2))
+        store(pivot_inverse, q + 2, m20 * i2)
+        store(pivot_inverse, q + 3, i1 + l21 * l21 * i2)
+        store(pivot_inverse, q + 4, -1.0 * (l21 * i2))
+        store(pivot_inverse, q + 5, i2)
+    store(n_negative, 0, negative)
+
+
+@njit
+def _kept_from_zero(pivot, floor):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN202 - float or pack
+    return choose(less(magnitude(pivot), floor), choose(less(pivot, 0.0 * floor), -1.0 * floor, floor), pivot)
 
 
 @njit
@@ -309,47 +295,42 @@ def solve(
     pivot_inverse: FloatArray,
     rhs: FloatArray,
 ) -> None:
-    """Solve L D Lᵀ x = rhs in place; rows of `rhs` are in elimination order, ``(3 n_blocks, lanes)``."""
-    lanes = rhs.shape[1]
-    n_blocks = column_start.size - 1
-    for j in range(n_blocks):
-        q, r = 9 * j, 3 * j
-        for a in range(lanes):
-            y0, y1, y2 = rhs[r, a], rhs[r + 1, a], rhs[r + 2, a]
-            for c in range(3):
-                rhs[r + c, a] = (
-                    pivot_inverse[q + 3 * c, a] * y0
-                    + pivot_inverse[q + 3 * c + 1, a] * y1
-                    + pivot_inverse[q + 3 * c + 2, a] * y2
-                )
+    """Solve L D Lᵀ x = rhs in place; `rhs` is in elimination order, ``(3 n_blocks,)``."""
+    for j in range(column_start.size - 1):
+        r = 3 * j
+        y0, y1, y2 = _times_pivot(pivot_inverse, 6 * j, load(rhs, r), load(rhs, r + 1), load(rhs, r + 2))
+        store(rhs, r, y0)
+        store(rhs, r + 1, y1)
+        store(rhs, r + 2, y2)
         for p in range(column_start[j] + 1, column_start[j + 1]):
             u, i = 9 * p, 3 * row[p]
             for c in range(3):
-                for a in range(lanes):
-                    rhs[i + c, a] -= (
-                        blocks[u + 3 * c, a] * rhs[r, a]
-                        + blocks[u + 3 * c + 1, a] * rhs[r + 1, a]
-                        + blocks[u + 3 * c + 2, a] * rhs[r + 2, a]
-                    )
-    z = np.empty((3, lanes))
-    for j in range(n_blocks - 1, -1, -1):
-        q, r = 9 * j, 3 * j
-        if column_start[j + 1] - column_start[j] == 1:
-            continue
-        z[:] = 0.0
+                at = u + 3 * c
+                product = load(blocks, at) * y0 + load(blocks, at + 1) * y1 + load(blocks, at + 2) * y2
+                store(rhs, i + c, load(rhs, i + c) - product)
+    for j in range(column_start.size - 2, -1, -1):
+        r = 3 * j
+        z0, z1, z2 = zero(rhs), zero(rhs), zero(rhs)
         for p in range(column_start[j] + 1, column_start[j + 1]):
             u, i = 9 * p, 3 * row[p]
             for c in range(3):
-                for a in range(lanes):
-                    z[c, a] += (
-                        blocks[u + c, a] * rhs[i, a]
-                        + blocks[u + 3 + c, a] * rhs[i + 1, a]
-                        + blocks[u + 6 + c, a] * rhs[i + 2, a]
-                    )
-        for c in range(3):
-            for a in range(lanes):
-                rhs[r + c, a] -= (
-                    pivot_inverse[q + 3 * c, a] * z[0, a]
-                    + pivot_inverse[q + 3 * c + 1, a] * z[1, a]
-                    + pivot_inverse[q + 3 * c + 2, a] * z[2, a]
-                )
+                x = load(rhs, i + c)
+                at = u + 3 * c
+                z0 = z0 + load(blocks, at) * x
+                z1 = z1 + load(blocks, at + 1) * x
+                z2 = z2 + load(blocks, at + 2) * x
+        z0, z1, z2 = _times_pivot(pivot_inverse, 6 * j, z0, z1, z2)
+        store(rhs, r, load(rhs, r) - z0)
+        store(rhs, r + 1, load(rhs, r + 1) - z1)
+        store(rhs, r + 2, load(rhs, r + 2) - z2)
+
+
+@njit
+def _times_pivot(pivot_inverse, q, y0, y1, y2):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN202
+    p00, p01, p02 = load(pivot_inverse, q), load(pivot_inverse, q + 1), load(pivot_inverse, q + 2)
+    p11, p12, p22 = load(pivot_inverse, q + 3), load(pivot_inverse, q + 4), load(pivot_inverse, q + 5)
+    return (
+        p00 * y0 + p01 * y1 + p02 * y2,
+        p01 * y0 + p11 * y1 + p12 * y2,
+        p02 * y0 + p12 * y1 + p22 * y2,
+    )

@@ -12,9 +12,6 @@ from tensegra.mechanics import kernels
 from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray, StructureArrays
 from tensegra.mechanics.pattern import Pattern, build_pattern, dense_matrix
 
-PIVOT_FLOOR = 1e-15
-"""Pivots below this share of the largest diagonal entry are rounding errors of a zero."""
-
 LARGEST_DENSE = 400
 """Up to this many degrees of freedom a dense eigenvalue solver is faster than Lanczos."""
 
@@ -43,46 +40,22 @@ class Tangent:
     def __init__(self, arrays: StructureArrays, pattern: Pattern | None = None) -> None:
         self.arrays = arrays
         self.pattern = build_pattern(arrays) if pattern is None else pattern
-        segments, members = len(arrays.segment_nodes), arrays.n_members
-        self._unit = np.zeros((3 * segments, 1))
-        self._inverse_length = np.zeros((segments, 1))
-        self._length = np.zeros((members, 1))
-        self._taut = np.ones((members, 1), dtype=np.bool_)
-        self._tension = np.zeros((members, 1))
-        self._stress = self._tension
-        self._axial = np.zeros((members, 1))
-        self._force = np.zeros((3 * arrays.n_nodes, 1))
-        self._blocks = np.zeros((9 * self.pattern.n_entries, 1))
-        self._pivot_inverse = np.zeros((9 * self.pattern.n_blocks, 1))
-        self._negative = np.zeros(1, dtype=np.int64)
-        self._smallest = np.zeros(1)
+        segments, members, pattern = len(arrays.segment_nodes), arrays.n_members, self.pattern
+        self._unit = np.zeros(3 * segments)
+        self._inverse_length = np.zeros(segments)
+        self.length = np.zeros(members)
+        self.tension = np.zeros(members)
+        self.axial = np.zeros(members)
+        self.stress = self.tension
+        self._force = np.zeros(3 * arrays.n_nodes)
+        self._gradient = np.zeros(3 * int(np.diff(pattern.path_start).max()))
+        self._blocks = np.zeros(9 * pattern.n_entries)
+        self._pivot_inverse = np.zeros(6 * pattern.n_blocks)
+        self._place = np.zeros(pattern.n_blocks, dtype=np.int64)
+        self._negative = np.zeros(1)
         self._low_rank: tuple[FloatArray, FloatArray, FloatArray] | None = None
         self.n_negative = 0
         self.stiffness_scale = 1.0
-
-    @property
-    def length(self) -> FloatArray:
-        """Path lengths, shape ``(n_members,)``."""
-        return self._length[:, 0]
-
-    @property
-    def tension(self) -> FloatArray:
-        """Tensions, zero where slack, shape ``(n_members,)``."""
-        return self._tension[:, 0]
-
-    @property
-    def stress(self) -> FloatArray:
-        """Tensions that the geometric stiffness is built with, shape ``(n_members,)``."""
-        return self._stress[:, 0]
-
-    @stress.setter
-    def stress(self, tension: FloatArray) -> None:
-        self._stress = np.ascontiguousarray(tension).reshape(-1, 1)
-
-    @property
-    def axial(self) -> FloatArray:
-        """EA/l₀, zero where slack, shape ``(n_members,)``."""
-        return self._axial[:, 0]
 
     @property
     def taut(self) -> BoolArray:
@@ -110,27 +83,26 @@ class Tangent:
             strut, and every cable longer than its rest length) where left out.
         """
         arrays = self.arrays
-        self._taut[:, 0] = True if taut is None else taut
         kernels.measure(
-            np.ascontiguousarray(x).reshape(-1, 1),
-            np.ascontiguousarray(rest_length).reshape(-1, 1),
-            np.ascontiguousarray(stiffness).reshape(-1, 1),
-            self._taut,
+            np.ascontiguousarray(x).reshape(-1),
+            rest_length,
+            stiffness,
+            np.ones(arrays.n_members) if taut is None else taut.astype(np.float64),
             arrays.segment_nodes,
             arrays.segment_start,
             self._unit,
             self._inverse_length,
-            self._length,
-            self._tension,
-            self._axial,
+            self.length,
+            self.tension,
+            self.axial,
         )
         if taut is None:
             slack = arrays.is_cable & (self.tension <= 0.0)
-            self._tension[slack] = 0.0
-            self._axial[slack] = 0.0
-        self._stress = self._tension
+            self.tension[slack] = 0.0
+            self.axial[slack] = 0.0
+        self.stress = self.tension
         kernels.internal_force(
-            self._unit, self._tension, arrays.segment_nodes, arrays.segment_start, self._force
+            self._unit, self.tension, arrays.segment_nodes, arrays.segment_start, self._force
         )
         return self._force.reshape(-1, 3).copy()
 
@@ -149,26 +121,29 @@ class Tangent:
             Rate of the tensions where the nodes stay, shape ``(n_members,)``; none where left out.
         """
         arrays = self.arrays
+        whole_rate = self.axial * self.length_rate(motion)
+        if tension_rate is not None:
+            whole_rate += tension_rate
         rate = np.empty_like(self._force)
-        still = np.zeros_like(self._tension) if tension_rate is None else tension_rate.reshape(-1, 1)
         kernels.force_rate(
             self._unit,
             self._inverse_length,
-            self._tension,
-            self._axial,
+            self.tension,
+            whole_rate,
             arrays.segment_nodes,
             arrays.segment_start,
-            np.ascontiguousarray(motion).reshape(-1, 1),
-            np.ascontiguousarray(still),
+            np.ascontiguousarray(motion).reshape(-1),
             rate,
         )
         return rate.reshape(-1, 3)
 
     def length_rate(self, motion: FloatArray) -> FloatArray:
         """Rate b·v of the path lengths along a motion of the nodes, shape ``(n_members,)``."""
-        ends = motion[self.arrays.segment_nodes]
-        along = np.einsum("sc,sc->s", self._unit.reshape(-1, 3), ends[:, 1] - ends[:, 0])
-        return np.add.reduceat(along, self.arrays.segment_start[:-1])
+        arrays = self.arrays
+        rate = np.empty(arrays.n_members)
+        flat = np.ascontiguousarray(motion).reshape(-1)
+        kernels.stretch_rate(self._unit, arrays.segment_nodes, arrays.segment_start, flat, rate)
+        return rate
 
     def assemble(self) -> None:
         """Assemble the blocks of K at the last measure."""
@@ -176,8 +151,8 @@ class Tangent:
         kernels.assemble(
             self._unit,
             self._inverse_length,
-            self._stress,
-            self._axial,
+            self.stress,
+            self.axial,
             arrays.segment_nodes,
             arrays.segment_start,
             pattern.node_block,
@@ -190,9 +165,10 @@ class Tangent:
             pattern.pair_entry,
             pattern.held_entry,
             pattern.held_diagonal,
+            self._gradient,
             self._blocks,
         )
-        diagonal = self._blocks[9 * pattern.column_start[:-1, None] + np.array([0, 4, 8]), 0]
+        diagonal = self._blocks[9 * pattern.column_start[:-1, None] + np.array([0, 4, 8])]
         self.stiffness_scale = float(np.abs(diagonal).max(initial=0.0)) or 1.0
 
     def factorise(self, shift: float = 0.0) -> int:
@@ -206,11 +182,10 @@ class Tangent:
             pattern.left_column,
             pattern.left_entry,
             np.array([shift]),
-            np.array([PIVOT_FLOOR * self.stiffness_scale]),
+            self._place,
             self._blocks,
             self._pivot_inverse,
             self._negative,
-            self._smallest,
         )
         self.n_negative = int(self._negative[0]) + self._factorise_low_rank()
         return self.n_negative
@@ -233,7 +208,7 @@ class Tangent:
         """Return K at the last measure as a dense matrix over the free coordinates in elimination order."""
         self.assemble()
         free = self.free_index
-        matrix = dense_matrix(self.pattern, self._blocks[:, 0], free)
+        matrix = dense_matrix(self.pattern, self._blocks, free)
         columns, axial = self._low_rank_columns()
         return matrix + (columns[free] * axial) @ columns[free].T
 
@@ -298,14 +273,12 @@ class Tangent:
 
     def _solve_filled(self, rhs: FloatArray) -> FloatArray:
         """Solve with the filled part A alone; `rhs` has shape ``(n,)`` or ``(n, n_columns)``."""
-        columns = rhs.reshape(len(rhs), -1).copy()
-        for c in range(columns.shape[1]):
-            column = np.ascontiguousarray(columns[:, c : c + 1])
+        columns = np.array(rhs.reshape(len(rhs), -1).T, order="C")
+        for column in columns:
             kernels.solve(
                 self.pattern.column_start, self.pattern.row, self._blocks, self._pivot_inverse, column
             )
-            columns[:, c] = column[:, 0]
-        return columns.reshape(rhs.shape)
+        return columns.T.reshape(rhs.shape)
 
     def _low_rank_columns(self) -> tuple[FloatArray, FloatArray]:
         """Return B over the elimination order, ``(3 n_blocks, n_taut)``, and k of its taut columns."""
@@ -314,7 +287,7 @@ class Tangent:
         columns = np.zeros((3 * pattern.n_blocks, len(members)))
         for c, e in enumerate(members):
             nodes = pattern.path_node[pattern.path_start[e] : pattern.path_start[e + 1]]
-            gradient = np.zeros((3 * len(nodes), 1))
+            gradient = np.zeros(3 * len(nodes))
             kernels.path_gradient(
                 self._unit,
                 arrays.segment_start[e],

@@ -1,0 +1,190 @@
+"""Lanes: eight runs in one vector value, so that a kernel is written as for one run.
+
+A kernel reads and writes rows of its arrays with `load` and `store`. From an array of shape ``(n,)``
+a row is a float; from one of shape ``(n, WIDTH)`` it is a `Pack`, a vector value that the compiler
+keeps in registers. The same source is thereby compiled twice: for a single structure, and for eight
+runs of it in lockstep at hardly more than the price of one.
+"""
+
+import operator
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core.cgutils import get_or_insert_function
+from numba.extending import intrinsic, models, overload, register_model
+
+WIDTH = 8
+"""Lanes of a pack: 8 doubles fill an AVX-512 register, two of AVX2, four of NEON."""
+
+_VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
+_INDEX = ir.IntType(32)
+_ROUNDED_ONCE = ("contract", "nsz")  # a·b + c may become one fused instruction; nothing else is loosened
+
+
+class PackType(types.Type):  # type: ignore[misc] - numba has no annotations
+    """Numba type of a vector of `WIDTH` doubles."""
+
+    def __init__(self) -> None:
+        super().__init__(name=f"Pack({WIDTH})")
+
+
+pack = PackType()
+
+
+@register_model(PackType)
+class _PackModel(models.PrimitiveModel):  # type: ignore[misc] - numba has no annotations
+    def __init__(self, manager: Any, frontend_type: Any) -> None:  # noqa: ANN401 - numba's own types
+        super().__init__(manager, frontend_type, _VECTOR)
+
+
+def _row_type(array: Any) -> Any:  # noqa: ANN401 - numba's own types
+    return pack if array.ndim == 2 else types.float64
+
+
+def _pointer(context: Any, builder: Any, array_type: Any, array: Any, row: Any) -> Any:  # noqa: ANN401
+    data = context.make_array(array_type)(context, builder, array).data
+    if array_type.ndim == 1:
+        return builder.gep(data, [row])
+    first = builder.mul(row, ir.Constant(row.type, WIDTH))
+    return builder.bitcast(builder.gep(data, [first]), _VECTOR.as_pointer())
+
+
+@intrinsic  # type: ignore[misc] - numba has no annotations
+def load(_typing: Any, array: Any, _row: Any) -> Any:  # noqa: ANN401 - numba's own types
+    """Read a row of an array: a float from ``(n,)``, a pack from ``(n, WIDTH)``."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ANN401
+        value = builder.load(_pointer(context, builder, signature.args[0], *arguments))
+        value.align = 8
+        return value
+
+    return _row_type(array)(array, types.int64), generate
+
+
+@intrinsic  # type: ignore[misc] - numba has no annotations
+def store(_typing: Any, array: Any, _row: Any, _value: Any) -> Any:  # noqa: ANN401 - numba's own types
+    """Write a row of an array; a float is written to all lanes."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ANN401
+        target, row, value = arguments
+        instruction = builder.store(value, _pointer(context, builder, signature.args[0], target, row))
+        instruction.align = 8
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, _row_type(array)), generate
+
+
+@intrinsic  # type: ignore[misc] - numba has no annotations
+def zero(_typing: Any, array: Any) -> Any:  # noqa: ANN401 - numba's own types
+    """Return nothing, in the width of the rows of `array`."""
+
+    def generate(_context: Any, _builder: Any, signature: Any, _arguments: Any) -> Any:  # noqa: ANN401
+        if signature.return_type is pack:
+            return ir.Constant(_VECTOR, [0.0] * WIDTH)
+        return ir.Constant(ir.DoubleType(), 0.0)
+
+    return _row_type(array)(array), generate
+
+
+@intrinsic  # type: ignore[misc] - numba has no annotations
+def _splat(_typing: Any, _value: Any) -> Any:  # noqa: ANN401 - numba's own types
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:  # noqa: ANN401
+        empty = ir.Constant(_VECTOR, ir.Undefined)
+        first = builder.insert_element(empty, arguments[0], ir.Constant(_INDEX, 0))
+        return builder.shuffle_vector(first, empty, ir.Constant(ir.VectorType(_INDEX, WIDTH), [0] * WIDTH))
+
+    return pack(types.float64), generate
+
+
+def _arithmetic(instruction: str) -> Any:  # noqa: ANN401 - an intrinsic
+    @intrinsic  # type: ignore[misc] - numba has no annotations
+    def operation(_typing: Any, _left: Any, _right: Any) -> Any:  # noqa: ANN401 - numba's own types
+        def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:  # noqa: ANN401
+            return getattr(builder, instruction)(*arguments, flags=_ROUNDED_ONCE)
+
+        return pack(pack, pack), generate
+
+    return operation
+
+
+def _mixed(operation: Any) -> Any:  # noqa: ANN401 - an overload's body
+    """Let an operation on packs take a float on either side."""
+
+    def choose(left, right):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN202 - numba compares signatures
+        if left is pack and right is pack:
+            return lambda left, right: operation(left, right)
+        if left is pack and isinstance(right, types.Float):
+            return lambda left, right: operation(left, _splat(right))
+        if right is pack and isinstance(left, types.Float):
+            return lambda left, right: operation(_splat(left), right)
+        return None
+
+    return choose
+
+
+for _operator, _instruction in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+):
+    overload(_operator)(_mixed(_arithmetic(_instruction)))
+
+
+def _compared(condition: str, otherwise: str) -> Any:  # noqa: ANN401 - an intrinsic
+    """Build a choice between two values by a comparison of the first with the second or with zero."""
+
+    @intrinsic  # type: ignore[misc] - numba has no annotations
+    def operation(_typing: Any, left: Any, _right: Any) -> Any:  # noqa: ANN401 - numba's own types
+        def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:  # noqa: ANN401
+            left, right = arguments
+            kind = left.type
+            one = ir.Constant(kind, [1.0] * WIDTH if kind == _VECTOR else 1.0)
+            nothing = ir.Constant(kind, [0.0] * WIDTH if kind == _VECTOR else 0.0)
+            holds = builder.fcmp_ordered(condition, left, right)
+            return builder.select(holds, *((left, right) if otherwise == "right" else (one, nothing)))
+
+        return left(left, left), generate
+
+    return operation
+
+
+maximum = _compared(">", "right")
+"""The larger of two values, lane by lane."""
+minimum = _compared("<", "right")
+"""The smaller of two values, lane by lane."""
+less = _compared("<", "mask")
+"""1.0 where the first value is the smaller, else 0.0, lane by lane."""
+
+
+@intrinsic  # type: ignore[misc] - numba has no annotations
+def choose(_typing: Any, _mask: Any, left: Any, _right: Any) -> Any:  # noqa: ANN401 - numba's own types
+    """Return the first value where the mask is not zero, else the second, lane by lane."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:  # noqa: ANN401
+        mask, left, right = arguments
+        nothing = ir.Constant(mask.type, [0.0] * WIDTH if mask.type == _VECTOR else 0.0)
+        return builder.select(builder.fcmp_unordered("!=", mask, nothing), left, right)
+
+    return left(left, left, left), generate
+
+
+def _unary(name: str) -> Any:  # noqa: ANN401 - an intrinsic
+    @intrinsic  # type: ignore[misc] - numba has no annotations
+    def operation(_typing: Any, value: Any) -> Any:  # noqa: ANN401 - numba's own types
+        def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:  # noqa: ANN401
+            kind = arguments[0].type
+            full_name = f"{name}.v{WIDTH}f64" if kind == _VECTOR else f"{name}.f64"
+            function = get_or_insert_function(builder.module, ir.FunctionType(kind, [kind]), full_name)
+            return builder.call(function, arguments)
+
+        return value(value), generate
+
+    return operation
+
+
+root = _unary("llvm.sqrt")
+"""Square root, lane by lane."""
+magnitude = _unary("llvm.fabs")
+"""Absolute value, lane by lane."""
