@@ -15,7 +15,7 @@ import numpy as np
 from tensegra.errors import ModelError, SolverError
 from tensegra.mechanics.arrays import AXES, FloatArray, StructureArrays
 from tensegra.mechanics.equilibrium import Load, unbalanced
-from tensegra.mechanics.inputs import Actuation, Inputs, effective_rest_length, members_named
+from tensegra.mechanics.inputs import Actuation, Inputs, effective_rest_length
 from tensegra.mechanics.tangent import Tangent
 from tensegra.structure import Structure
 
@@ -137,9 +137,10 @@ class Given:
     run: Actuation
 
     def nothing(self) -> Direction:
-        """Return the direction in which nothing changes."""
-        members, nodes = self.arrays.n_members, self.arrays.n_nodes
-        return Direction(np.zeros(members), np.zeros(members), np.zeros((nodes, 3)), np.zeros((nodes, 3)))
+        """Return the direction in which nothing changes, of as many runs as the inputs have."""
+        runs = np.broadcast_shapes(self.inputs.rest_length.shape[:-1], self.inputs.temperature.shape[:-1])
+        members, nodes = (*runs, self.arrays.n_members), (*runs, self.arrays.n_nodes, 3)
+        return Direction(np.zeros(members), np.zeros(members), np.zeros(nodes), np.zeros(nodes))
 
     def known(self, name: object, names: Mapping[str, object], what: str) -> str:
         """Return `name` as text, or raise `ModelError` where it is not among `names`."""
@@ -172,19 +173,21 @@ def direction_of(given: Given, kind: ParameterKind, name: object) -> Direction:
 
 def _by_actuation(given: Given, name: object) -> Direction:
     actuator = given.structure.actuators[given.known(name, given.structure.actuators, "an actuator")]
-    factor = actuator.factor(given.run.actuation.get(str(name), 0.0))
+    factor = np.asarray(actuator.factor(given.run.actuation.get(str(name), 0.0)))  # type: ignore[arg-type]
     direction = given.nothing()
     rows = [given.arrays.member_index[member] for member in actuator.members]
     rest_length = effective_rest_length(given.arrays, given.inputs)
-    direction.rest_length[rows] = rest_length[rows] * (actuator.factor(1.0) - actuator.factor(0.0)) / factor
+    slope = actuator.factor(1.0) - actuator.factor(0.0)
+    direction.rest_length[..., rows] = rest_length[..., rows] * slope / factor[..., None]
     return direction
 
 
 def _by_temperature(given: Given, name: object) -> Direction:
     direction = given.nothing()
-    for member in members_named(given.structure, str(name), "derivative"):
+    for member in given.structure.members_named(str(name)):
         row = given.arrays.member_index[member]
-        direction.rest_length[row] = given.inputs.rest_length[row] * given.arrays.thermal_expansion[row]
+        alpha = given.arrays.thermal_expansion[row]
+        direction.rest_length[..., row] = given.inputs.rest_length[..., row] * alpha
     return direction
 
 
@@ -194,7 +197,7 @@ def _by_rest_length(given: Given, name: object) -> Direction:
     if not any(member in stage.rest_lengths for stage in given.structure.stages):
         row = given.arrays.member_index[member]
         rest_length = effective_rest_length(given.arrays, given.inputs)
-        direction.rest_length[row] = rest_length[row] / given.arrays.rest_length[row]
+        direction.rest_length[..., row] = rest_length[..., row] / given.arrays.rest_length[..., row]
     return direction
 
 
@@ -212,32 +215,32 @@ def _by_youngs_modulus(given: Given, name: object) -> Direction:
     direction = given.nothing()
     for row, member in enumerate(given.structure.members.values()):
         if member.material == material and member.area is not None:
-            direction.stiffness[row] = given.arrays.stiffness[row] / modulus
+            direction.stiffness[..., row] = given.arrays.stiffness[..., row] / modulus
     return direction
 
 
 def _by_area(given: Given, name: object) -> Direction:
     direction = given.nothing()
-    for member in members_named(given.structure, str(name), "derivative"):
+    for member in given.structure.members_named(str(name)):
         area = given.structure.members[member].area
         if area is None:
             raise ModelError.at("derivative", name, "members with an area")
         row = given.arrays.member_index[member]
-        direction.stiffness[row] = given.arrays.stiffness[row] / area
+        direction.stiffness[..., row] = given.arrays.stiffness[..., row] / area
         weight = _weight(given.structure, given.arrays, member)
-        direction.force[:] += weight[:, None] * given.inputs.gravity / area
+        direction.force[...] += weight[:, None] * given.inputs.gravity / area
     return direction
 
 
 def _by_load(given: Given, name: object) -> Direction:
     direction = given.nothing()
-    direction.force[_coordinate(given, name)] = 1.0
+    direction.force[..., *_coordinate(given, name)] = 1.0
     return direction
 
 
 def _by_position(given: Given, name: object) -> Direction:
     direction = given.nothing()
-    direction.positions[_coordinate(given, name)] = 1.0
+    direction.positions[..., *_coordinate(given, name)] = 1.0
     return direction
 
 
@@ -265,7 +268,7 @@ def _weight(structure: Structure, arrays: StructureArrays, member: str) -> Float
 
 
 def _coordinate(given: Given, name: object) -> tuple[int, int]:
-    if not (isinstance(name, tuple) and len(name) == 2 and str(name[1]) in AXES):
+    if not (isinstance(name, tuple) and len(name) == 2 and str(name[1]) in tuple(AXES)):
         raise ModelError.at("derivative", name, "a pair of a node and an axis, such as ('9', 'z')")
     node = given.known(name[0], given.structure.nodes, "a node")
     return given.arrays.node_index[node], AXES.index(str(name[1]))

@@ -10,10 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensegra.mechanics.arrays import BoolArray, FloatArray
-from tensegra.mechanics.tangent import Tangent
+from tensegra.mechanics.tangent import Spectrum, Tangent
 
 RESIDUAL_TOLERANCE = 1e-9
 """‖f − p‖∞ relative to the largest tension or load at which an equilibrium is accepted."""
+
+LENGTH_ROUNDING = 2e-15
+"""Relative error of a path length by rounding; EA times it is an error of the tension."""
 
 POLISH_TOLERANCE = 1e-14
 """Iterations go on to this residual as long as they improve it: what rounding leaves."""
@@ -21,10 +24,13 @@ POLISH_TOLERANCE = 1e-14
 ENERGY_ROUNDING = 1e-13
 """Relative differences of the energy below this are rounding: then the residual decides."""
 
+ZERO_EIGENVALUE = 1e-11
+"""Eigenvalues within this share of the largest EA/l₀ of zero cannot be told from it."""
+
 SMALLEST_SHIFT, LARGEST_SHIFT = 1e-9, 1e6
 """Range of the shift μ of a descent, as shares of the largest diagonal entry of K."""
 
-FLAT_TENSION = 1e-10
+FLAT_TENSION = 1e-11
 """Tensions below this share of the reference tension are none: the prestress is lost."""
 
 
@@ -60,7 +66,7 @@ class Attempt:
     iterations
         Newton solves.
     flat
-        Whether descent ended where nothing carries force any more.
+        Whether descent ended where the position is not unique: K is singular, not negative.
     """
 
     nodes: FloatArray
@@ -73,16 +79,22 @@ class Attempt:
 def unbalanced(
     tangent: Tangent, nodes: FloatArray, load: Load, taut: BoolArray | None = None
 ) -> tuple[FloatArray, float]:
-    """Measure at `nodes`; return f − p over the free coordinates and its relative size."""
+    """Measure at `nodes`; return f − p over the free coordinates and its relative size.
+
+    The scale is the largest tension or load; where both are so small that a residual of
+    `RESIDUAL_TOLERANCE` of them lies below what rounding of the lengths leaves, it is that rounding.
+    """
     force = tangent.measure(nodes, load.rest_length, load.stiffness, taut)
     free = tangent.arrays.free
     out = np.where(free, force - load.force, 0.0)
+    rounding = LENGTH_ROUNDING * float((load.stiffness * tangent.length / load.rest_length).max())
     scale = max(
+        rounding / RESIDUAL_TOLERANCE,
         np.abs(tangent.tension).max(initial=0.0),
         np.abs(load.force, where=free, out=np.zeros_like(force)).max(initial=0.0),
     )
     size = np.abs(out).max(initial=0.0)
-    return out, float(size / scale) if scale > 0.0 else 0.0
+    return out, float(size / scale)
 
 
 def newton(
@@ -222,9 +234,14 @@ def descend(
         if not loaded and carried <= FLAT_TENSION * reference_tension:
             return Attempt(x, converged=True, residual=residual, iterations=iteration, flat=True)
         n_negative = tangent.factorise()
-        if residual <= RESIDUAL_TOLERANCE and n_negative == 0:
-            return _polished(tangent, x, load, out, residual, iteration)
-        push = out + _downhill(tangent, out) if residual <= RESIDUAL_TOLERANCE else out
+        push = out
+        if residual <= RESIDUAL_TOLERANCE:
+            if n_negative == 0:
+                return _polished(tangent, x, load, out, residual, iteration)
+            spectrum = tangent.spectrum(1)
+            if spectrum.values[0] > -ZERO_EIGENVALUE * tangent.stiffness_scale:
+                return Attempt(x, converged=True, residual=residual, iterations=iteration, flat=True)
+            push = out + _downhill(tangent, out, spectrum)
         step, shift = _bounded_step(tangent, push, shift, largest_move)
         trial = x + step
         trial_out, trial_residual = unbalanced(tangent, trial, load)
@@ -255,9 +272,8 @@ def _bounded_step(
         shift = max(4.0 * shift, SMALLEST_SHIFT * tangent.stiffness_scale)
 
 
-def _downhill(tangent: Tangent, out: FloatArray) -> FloatArray:
+def _downhill(tangent: Tangent, out: FloatArray, spectrum: Spectrum) -> FloatArray:
     """Return a small force along the lowest mode, to leave a saddle on its lower side."""
-    spectrum = tangent.spectrum(1)
     mode = spectrum.vectors[0]
     side = float(np.sign(np.sum(mode * out))) or 1.0
     amplitude = 1e-3 * abs(float(spectrum.values[0])) * tangent.arrays.size

@@ -15,6 +15,7 @@ import numpy as np
 from tensegra.mechanics.arrays import BoolArray, FloatArray
 from tensegra.mechanics.equilibrium import (
     FLAT_TENSION,
+    ZERO_EIGENVALUE,
     Attempt,
     Load,
     carried_tension,
@@ -32,6 +33,12 @@ Procedure = Literal["adaptive", "stepped"]
 
 SNAP = 1e-4
 """A fall that moves no node by this share of the structure's size has not left the branch."""
+
+STILL_STIFF = 0.02
+"""Share of the first lowest eigenvalue that a smooth loss of stability is far below when located."""
+
+ALONG_MODE = 1e-4
+"""Share of a change of the loads along the critical mode from which on it is a fold."""
 
 PRESTRESS_GONE = 1e-3
 """Where the branch ends with less than this share of the reference tension left, it is a collapse."""
@@ -150,8 +157,7 @@ class StageFollower:
         """
         inputs, tangent = self.inputs, self.tangent
         held = np.where(self.arrays.free, 0.0, inputs.positions_end - inputs.positions_start)
-        rest_length = inputs.rest_length_at(parameter)
-        tension_rate = -tangent.axial * tangent.length / rest_length * inputs.rest_length_rate(parameter)
+        tension_rate = self._tension_rate(parameter)
         force_rate = tangent.force_rate(held, tension_rate) - (inputs.loads_end - inputs.loads_start)
         velocity = tangent.solve(-force_rate) + held
         return velocity, tangent.axial * tangent.length_rate(velocity) + tension_rate
@@ -164,7 +170,7 @@ class StageFollower:
             run.nodes = attempt.nodes
         elif not self._settle(run, "unstable start"):
             return run
-        self._record(run, self.tangent.taut, 0)
+        self._record(run, 0)
         return run
 
     def run(self, name: str, nodes: FloatArray) -> StageRun:
@@ -194,7 +200,9 @@ class StageFollower:
                 parameter, attempt = self._first_event(run, here, parameter, attempt)
                 self._last = here
                 run.nodes, run.parameter = attempt.nodes, parameter
-                self._record(run, here.taut, attempt.iterations)
+                self._note_events(run, here.taut, self.tangent.taut)
+                run.steps += 1
+                self._record(run, attempt.iterations)
                 return self._next_step(increment, correction, increment * here.speed, cut=cut)
             cut, step = True, 0.4 * increment
             if step < self.settings.smallest_step:
@@ -279,11 +287,12 @@ class StageFollower:
         factor = min(3.0, max(0.5, aim / correction)) if correction > 0.0 else 3.0
         return increment * factor
 
-    def _record(self, run: StageRun, taut_before: BoolArray, iterations: int) -> None:
-        for e in np.flatnonzero(self.tangent.taut != taut_before):
-            becomes = "taut" if self.tangent.taut[e] else "slack"
+    def _note_events(self, run: StageRun, before: BoolArray, after: BoolArray) -> None:
+        for e in np.flatnonzero(before != after):
+            becomes = "taut" if after[e] else "slack"
             run.slack_events.append(SlackEvent(run.name, run.parameter, self.arrays.member_ids[e], becomes))
-        run.steps += 1
+
+    def _record(self, run: StageRun, iterations: int) -> None:
         tension = self.tangent.tension.copy()
         run.history.append(PathPoint(run.name, run.parameter, run.nodes, tension, iterations))
 
@@ -297,33 +306,52 @@ class StageFollower:
         run.end(Status.UNSTABLE, f"the stable path ends: {run.critical_points[-1]}")
 
     def _kind(self, run: StageRun, here: Departure) -> str:
-        """Tell a collapse, a fold, a bifurcation and a cable gone slack apart."""
-        unbalanced(self.tangent, run.nodes, self.load_at(run.parameter))
-        carried, loaded = carried_tension(self.tangent, self.load_at(run.parameter))
+        """Tell a collapse, a cable gone slack, a bifurcation and a fold apart.
+
+        K goes to zero along a mode φ at a fold and at a bifurcation, but only at a fold does what is
+        being changed push along φ; where K was still stiff the next step, a cable took it away.
+        """
+        tangent = self.tangent
+        unbalanced(tangent, run.history[0].nodes, self.load_at(run.history[0].parameter))
+        at_start = tangent.lowest_eigenvalue()
+        unbalanced(tangent, run.nodes, self.load_at(run.parameter))
+        carried, loaded = carried_tension(tangent, self.load_at(run.parameter))
         if not loaded and carried < PRESTRESS_GONE * self.reference_tension:
             return "collapse"
-        beyond = newton(
-            self.tangent,
-            self.with_supports(run.nodes, run.parameter),
-            self.load_at(min(1.0, run.parameter + self.settings.smallest_step)),
-            largest_move=0.1 * self.largest_move,
-        )
-        if beyond.converged and not np.array_equal(self.tangent.taut, here.taut):
+        spectrum = tangent.spectrum(1)
+        if spectrum.values[0] > STILL_STIFF * at_start:
             return "slack"
-        if beyond.converged and self.tangent.n_negative > 0:
-            return "bifurcation"
-        return "limit point"
+        mode = spectrum.vectors[0]
+        push = tangent.force_rate(
+            np.where(self.arrays.free, 0.0, here.velocity), self._tension_rate(run.parameter)
+        )
+        push = np.where(self.arrays.free, push - (self.inputs.loads_end - self.inputs.loads_start), 0.0)
+        along = abs(float(np.sum(push * mode)))
+        return "limit point" if along > ALONG_MODE * float(np.linalg.norm(push)) else "bifurcation"
+
+    def _tension_rate(self, parameter: float) -> FloatArray:
+        """Rate dT/dλ of the tensions where the nodes stay, at the last measure."""
+        rest_length = self.inputs.rest_length_at(parameter)
+        rate = self.inputs.rest_length_rate(parameter)
+        drop: FloatArray = -self.tangent.axial * self.tangent.length / rest_length * rate
+        return drop
 
     def _settle(self, run: StageRun, kind: str) -> bool:
         """Fall just beyond the end of the branch; return whether the path can go on from there."""
         self._last = None
         before = run.nodes
-        parameter = min(1.0, run.parameter + 2.0 * self.settings.smallest_step)
+        unbalanced(self.tangent, before, self.load_at(run.parameter))
+        taut = self.tangent.taut
+        ahead = 2.0 * self.settings.smallest_step
+        if kind == "unstable start" and self._is_neutral():
+            ahead = self.settings.first_step  # nothing to fall from: let the inputs take hold first
+        parameter = min(1.0, run.parameter + ahead)
         fallen = self.fall(run, before, parameter)
         if fallen.flat:
             # Nothing carries force here. What follows may tighten the structure again.
             kind, parameter = "collapse", 1.0
             fallen = self.fall(run, fallen.nodes, parameter)
+        self._note_events(run, taut, self.tangent.taut)
         if fallen.flat or not fallen.converged:
             self._note_critical(run, kind)
             where = run.critical_points[-1]
@@ -340,6 +368,11 @@ class StageFollower:
         run.nodes, run.parameter = fallen.nodes, parameter
         newton(self.tangent, run.nodes, self.load_at(parameter), max_iterations=4)
         return True
+
+    def _is_neutral(self) -> bool:
+        """Whether K is singular, but not negative, at the last measure."""
+        lowest = self.tangent.lowest_eigenvalue()
+        return abs(lowest) <= ZERO_EIGENVALUE * self.tangent.stiffness_scale
 
     def fall(self, run: StageRun, nodes: FloatArray, parameter: float) -> Attempt:
         """Descend from `nodes` under the inputs at `parameter`."""

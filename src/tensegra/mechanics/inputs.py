@@ -1,5 +1,8 @@
 """What acts on a structure, and how it changes along a stage.
 
+All arrays may have leading axes for many runs at once: where a shape says ``(n_members,)``, an
+array of ``(n_runs, n_members)`` serves as well.
+
 `Inputs` holds the state of all that can be prescribed; `StageInputs` is the way from one state to
 the next, a function of the path parameter λ in [0, 1]. All inputs of a stage go from their old to
 their new values in proportion.
@@ -7,6 +10,7 @@ their new values in proportion.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -55,9 +59,9 @@ def inputs_after_stage(structure: Structure, arrays: StructureArrays, before: In
     """Return the inputs at the end of `stage`; what it does not name stays as it was."""
     rest_length = before.rest_length.copy()
     for member, change in stage.rest_length_changes.items():
-        rest_length[arrays.member_index[member]] *= 1.0 + change
+        rest_length[..., arrays.member_index[member]] *= 1.0 + change
     for member, value in stage.rest_lengths.items():
-        rest_length[arrays.member_index[member]] = value
+        rest_length[..., arrays.member_index[member]] = value
     loads = before.loads.copy()
     for node, force in stage.loads.items():
         loads[arrays.node_index[node]] = force
@@ -73,23 +77,12 @@ def inputs_after_stage(structure: Structure, arrays: StructureArrays, before: In
     )
 
 
-def members_named(structure: Structure, name: str, place: str) -> tuple[str, ...]:
-    """Return the members that `name` stands for: a member's id or a group."""
-    if name in structure.members:
-        return (name,)
-    if name in structure.groups:
-        return tuple(structure.groups[name])
-    raise ModelError.at(
-        place, name, "a member or a group", candidates=[*structure.groups, *structure.members]
-    )
-
-
 def _with_temperatures(
     structure: Structure, arrays: StructureArrays, before: FloatArray, temperatures: Mapping[str, float]
 ) -> FloatArray:
     temperature = before.copy()
     for name, value in temperatures.items():
-        for member in members_named(structure, name, "temperatures"):
+        for member in structure.members_named(name):
             temperature[arrays.member_index[member]] = value
     return temperature
 
@@ -101,7 +94,7 @@ def effective_rest_length(arrays: StructureArrays, inputs: Inputs) -> FloatArray
 
 def nodal_forces(arrays: StructureArrays, inputs: Inputs) -> FloatArray:
     """Return loads and weights together, shape ``(n_nodes, 3)``."""
-    return inputs.loads + arrays.nodal_weight[:, None] * inputs.gravity
+    return inputs.loads + arrays.nodal_weight[..., None] * inputs.gravity
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,13 +120,13 @@ class StageInputs:
 
     def rest_length_at(self, parameter: float) -> FloatArray:
         """Return the effective rest lengths at the path parameter, shape ``(n_members,)``."""
-        powers = parameter ** np.arange(self.rest_length.shape[1])
+        powers = parameter ** np.arange(self.rest_length.shape[-1])
         return self.rest_length @ powers
 
     def rest_length_rate(self, parameter: float) -> FloatArray:
         """Return d l₀/dλ at the path parameter, shape ``(n_members,)``."""
-        exponents = np.arange(1, self.rest_length.shape[1])
-        return self.rest_length[:, 1:] @ (exponents * parameter ** (exponents - 1))
+        exponents = np.arange(1, self.rest_length.shape[-1])
+        return self.rest_length[..., 1:] @ (exponents * parameter ** (exponents - 1))
 
     def loads_at(self, parameter: float) -> FloatArray:
         """Return the nodal forces at the path parameter, shape ``(n_nodes, 3)``."""
@@ -153,14 +146,8 @@ def stage_inputs(arrays: StructureArrays, before: Inputs, after: Inputs) -> Stag
     strain = 1.0 + arrays.thermal_expansion * before.temperature
     strain_rate = arrays.thermal_expansion * (after.temperature - before.temperature)
     length, length_rate = before.rest_length, after.rest_length - before.rest_length
-    return _stage(
-        arrays,
-        before,
-        after,
-        np.stack(
-            [length * strain, length * strain_rate + length_rate * strain, length_rate * strain_rate], axis=1
-        ),
-    )
+    by_power = [length * strain, length * strain_rate + length_rate * strain, length_rate * strain_rate]
+    return _stage(arrays, before, after, np.stack(by_power, axis=-1))
 
 
 def _stage(arrays: StructureArrays, before: Inputs, after: Inputs, rest_length: FloatArray) -> StageInputs:
@@ -173,9 +160,14 @@ def _stage(arrays: StructureArrays, before: Inputs, after: Inputs, rest_length: 
     )
 
 
+Values = float | FloatArray
+
+
 @dataclass(frozen=True)
 class Actuation:
-    """What acts after the stages: the inputs of one run.
+    """What acts after the stages: the inputs of one run, or of many.
+
+    Every value is a number, or an array ``(n_runs,)``.
 
     Attributes
     ----------
@@ -189,15 +181,19 @@ class Actuation:
         Shift of a supported coordinate, by (node, axis).
     """
 
-    actuation: Mapping[str, float]
-    temperature: Mapping[str, float]
-    loads: Mapping[tuple[str, str], float]
-    positions: Mapping[tuple[str, str], float]
+    actuation: Mapping[str, Values]
+    temperature: Mapping[str, Values]
+    loads: Mapping[tuple[str, str], Values]
+    positions: Mapping[tuple[str, str], Values]
 
     @property
     def acts(self) -> bool:
         """Whether anything acts after the stages."""
-        return bool(self.actuation or self.temperature or self.loads or self.positions)
+        return any(self.groups())
+
+    def groups(self) -> tuple[Mapping[Any, Values], ...]:
+        """Return the four mappings, in the order of the attributes."""
+        return self.actuation, self.temperature, self.loads, self.positions
 
 
 def actuation_inputs(
@@ -213,39 +209,55 @@ def actuation_inputs(
         For an unknown actuator, member, group, node or axis, a value that leaves no rest length,
         or a shift of a coordinate that is not supported.
     """
-    factors: list[list[float]] = [[] for _ in arrays.member_ids]
-    for name, value in run.actuation.items():
-        actuator = _actuator(structure, name)
-        rate = actuator.factor(value) - 1.0
-        if not rate > -1.0:
-            raise ModelError.at(f"actuation {name}", value, "a value that leaves a rest length")
-        for member in actuator.members:
-            factors[arrays.member_index[member]].append(rate)
-
-    temperature_change = np.zeros(arrays.n_members)
+    polynomials = _scaled(structure, arrays, before, run.actuation)
+    change = np.zeros((*_runs(run), arrays.n_members))
     for name, value in run.temperature.items():
-        for member in members_named(structure, name, "temperature"):
-            temperature_change[arrays.member_index[member]] += _finite(value, f"temperature {name}")
-
-    degree = max((len(rates) for rates in factors), default=0) + 1
-    strain = 1.0 + arrays.thermal_expansion * before.temperature
-    rest_length = np.zeros((arrays.n_members, degree + 1))
-    for e, rates in enumerate(factors):
-        polynomial = np.array([before.rest_length[e]])
-        for rate in rates:
-            polynomial = np.convolve(polynomial, [1.0, rate])
-        polynomial = np.convolve(polynomial, [strain[e], arrays.thermal_expansion[e] * temperature_change[e]])
-        rest_length[e, : len(polynomial)] = polynomial
-
-    mechanical = before.rest_length * np.array([np.prod([1.0 + rate for rate in rates]) for rates in factors])
+        for member in structure.members_named(name):
+            change[..., arrays.member_index[member]] += np.asarray(_finite(value, f"temperature {name}"))
     after = Inputs(
-        rest_length=mechanical,
-        temperature=before.temperature + temperature_change,
+        rest_length=polynomials.sum(axis=-1),
+        temperature=before.temperature + change,
         loads=before.loads + _by_coordinate(structure, arrays, run.loads, "load"),
         gravity=before.gravity,
         positions=before.positions + _support_shift(structure, arrays, run.positions),
     )
+    if not np.all(1.0 + arrays.thermal_expansion * after.temperature > 0.0):
+        raise ModelError.at("temperature", dict(run.temperature), "temperatures that leave a rest length")
+    strain = 1.0 + arrays.thermal_expansion * before.temperature
+    rate = arrays.thermal_expansion * change
+    still = polynomials * strain[..., None]
+    growing = polynomials * rate[..., None]
+    rest_length = np.zeros((*growing.shape[:-1], growing.shape[-1] + 1))
+    rest_length[..., :-1] += still
+    rest_length[..., 1:] += growing
     return _stage(arrays, before, after, rest_length), after
+
+
+def _runs(run: Actuation) -> tuple[int, ...]:
+    """Return the leading shape of a run's values: nothing, or the number of runs."""
+    return np.broadcast_shapes(*(np.shape(value) for group in run.groups() for value in group.values()))
+
+
+def _scaled(
+    structure: Structure, arrays: StructureArrays, before: Inputs, actuation: Mapping[str, Values]
+) -> FloatArray:
+    """Return the mechanical rest lengths as polynomials in λ, ``(…, n_members, degree + 1)``."""
+    degrees = np.zeros(arrays.n_members, dtype=np.int64)
+    for name in actuation:
+        degrees[[arrays.member_index[member] for member in _actuator(structure, name).members]] += 1
+    runs = np.broadcast_shapes(before.rest_length.shape[:-1], *(np.shape(v) for v in actuation.values()))
+    polynomials = np.zeros((*runs, arrays.n_members, int(degrees.max(initial=0)) + 1))
+    polynomials[..., 0] = before.rest_length
+    for name, value in actuation.items():
+        actuator = _actuator(structure, name)
+        rate = np.asarray(actuator.factor(np.asarray(value, dtype=np.float64))) - 1.0  # type: ignore[arg-type]
+        if not np.all(rate > -1.0) or not np.all(np.isfinite(rate)):
+            raise ModelError.at(f"actuation {name}", value, "a value that leaves a rest length")
+        rows = [arrays.member_index[member] for member in actuator.members]
+        taken = polynomials[..., rows, :]
+        taken[..., 1:] += rate[..., None, None] * taken[..., :-1]
+        polynomials[..., rows, :] = taken
+    return polynomials
 
 
 def _actuator(structure: Structure, name: str) -> Actuator:
@@ -255,30 +267,33 @@ def _actuator(structure: Structure, name: str) -> Actuator:
         raise ModelError.at("actuation", name, "an actuator", candidates=structure.actuators) from None
 
 
-def _finite(value: float, place: str) -> float:
-    if not np.isfinite(value):
-        raise ModelError.at(place, value, "a finite number")
-    return float(value)
+def _finite(value: Values, place: str) -> Values:
+    if not np.all(np.isfinite(value)):
+        raise ModelError.at(place, value, "finite numbers")
+    return value
 
 
 def _by_coordinate(
-    structure: Structure, arrays: StructureArrays, values: Mapping[tuple[str, str], float], place: str
+    structure: Structure, arrays: StructureArrays, values: Mapping[tuple[str, str], Values], place: str
 ) -> FloatArray:
-    field = np.zeros((arrays.n_nodes, 3))
-    for (node, axis), value in values.items():
+    runs = np.broadcast_shapes(*(np.shape(value) for value in values.values()))
+    field = np.zeros((*runs, arrays.n_nodes, 3))
+    for (name, axis), value in values.items():
+        node = str(name)
         if node not in arrays.node_index:
             raise ModelError.at(place, node, "a node", candidates=structure.nodes)
-        if axis not in AXES:
+        if axis not in tuple(AXES):
             raise ModelError.at(f"{place} on {node}", axis, "an axis: x, y or z")
-        field[arrays.node_index[node], AXES.index(axis)] += _finite(value, f"{place} on {node}")
+        at = arrays.node_index[node], AXES.index(axis)
+        field[..., *at] += np.asarray(_finite(value, f"{place} on {node}"))
     return field
 
 
 def _support_shift(
-    structure: Structure, arrays: StructureArrays, values: Mapping[tuple[str, str], float]
+    structure: Structure, arrays: StructureArrays, values: Mapping[tuple[str, str], Values]
 ) -> FloatArray:
     shift = _by_coordinate(structure, arrays, values, "position")
     for node, axis in values:
-        if arrays.free[arrays.node_index[node], AXES.index(axis)]:
+        if arrays.free[arrays.node_index[str(node)], AXES.index(axis)]:
             raise ModelError.at("position", f"{node}.{axis}", "a coordinate that is supported")
     return shift

@@ -7,15 +7,18 @@ n unit vector along a segment, s its length, b = ∂ℓ/∂x.
 """
 
 import numba as nb
-import numpy as np
 
 from tensegra.mechanics.arrays import FloatArray, IndexArray
-from tensegra.mechanics.lanes import choose, less, load, magnitude, maximum, root, store, zero
+from tensegra.mechanics.lanes import choose, less, load, magnitude, root, store, zero
 
 njit = nb.njit(cache=True, error_model="numpy", nogil=True, boundscheck=False)
 
-PIVOT_ROUNDING = 1e-15
-"""Pivots below this share of their diagonal entry are rounding errors of a zero."""
+PIVOT_ROUNDING = 1e-13
+"""Pivots below this share of the largest EA/l₀ are rounding errors of a zero."""
+
+
+HELD_STIFFNESS = 1e3
+"""What holds a held coordinate, as a multiple of the largest EA/l₀: above every eigenvalue of K."""
 
 
 @njit
@@ -60,7 +63,11 @@ def measure(
 
 @njit
 def internal_force(
-    unit: FloatArray, tension: FloatArray, segment_nodes: IndexArray, segment_start: IndexArray, force: FloatArray
+    unit: FloatArray,
+    tension: FloatArray,
+    segment_nodes: IndexArray,
+    segment_start: IndexArray,
+    force: FloatArray,
 ) -> None:
     """Sum f = Σ T b over all members (Eq. 5 of the source), ``(3 n_nodes,)``."""
     for i in range(force.shape[0]):
@@ -77,7 +84,11 @@ def internal_force(
 
 @njit
 def stretch_rate(
-    unit: FloatArray, segment_nodes: IndexArray, segment_start: IndexArray, motion: FloatArray, rate: FloatArray
+    unit: FloatArray,
+    segment_nodes: IndexArray,
+    segment_start: IndexArray,
+    motion: FloatArray,
+    rate: FloatArray,
 ) -> None:
     """Differentiate the path lengths along a motion v of the nodes: b·v, ``(n_members,)``."""
     for e in range(segment_start.size - 1):
@@ -158,14 +169,16 @@ def assemble(
     pair_entry: IndexArray,
     held_entry: IndexArray,
     held_diagonal: IndexArray,
+    scale: FloatArray,
     gradient: FloatArray,
     blocks: FloatArray,
 ) -> None:
     """Assemble K = Σ k b bᵀ + T ∂²ℓ (Eq. 1 of the source) into the blocks of the pattern.
 
-    `stress` are the tensions T of the geometric part. The term k b bᵀ of a clustered member without
-    pairs in the pattern is left out: it is the low-rank term of the caller. `gradient` is
-    workspace, as long as the longest path.
+    `stress` are the tensions T of the geometric part; `scale` ``(1,)`` is the structure's largest
+    EA/l₀: held coordinates get a multiple of it on the diagonal.
+    The term k b bᵀ of a clustered member without pairs in the pattern is left out: it is the
+    low-rank term of the caller. `gradient` is workspace, as long as the longest path.
     """
     for i in range(blocks.shape[0]):
         store(blocks, i, zero(blocks))
@@ -204,7 +217,7 @@ def assemble(
     for place in held_entry:
         store(blocks, place, zero(blocks))
     for place in held_diagonal:
-        store(blocks, place, zero(blocks) + 1.0)
+        store(blocks, place, HELD_STIFFNESS * load(scale, 0))
 
 
 @njit
@@ -215,6 +228,7 @@ def factorise(
     left_column: IndexArray,
     left_entry: IndexArray,
     shift: FloatArray,
+    scale: FloatArray,
     place: IndexArray,
     blocks: FloatArray,
     pivot_inverse: FloatArray,
@@ -223,19 +237,18 @@ def factorise(
     """Factorise A + shift·I = L D Lᵀ by 3 × 3 blocks, in place, left-looking.
 
     On return `blocks` holds U = L D below the diagonal and `pivot_inverse` the inverses of the
-    blocks of D (00, 01, 02, 11, 12, 22); `n_negative` ``(1,)`` counts the negative scalar pivots,
-    by Sylvester's law the negative eigenvalues. A pivot that is nothing but rounding beside the
-    diagonal entry that it comes from is replaced by that rounding. `place` is workspace, one a
-    block row.
+    blocks of D (00, 01, 02, 11, 12, 22); `n_negative` ``(1,)`` counts the scalar pivots that are
+    not positive, by Sylvester's law the eigenvalues that are not. A pivot that is nothing but
+    rounding beside `scale` ``(1,)``, the structure's largest EA/l₀, counts as one and is replaced
+    by that rounding. `place` is workspace, one a block row.
     """
     negative = zero(n_negative)
-    moved = load(shift, 0)
+    moved, floor = load(shift, 0), PIVOT_ROUNDING * load(scale, 0)
+    above = 1.5 * floor  # a pivot that was put at the floor is none
     for j in range(column_start.size - 1):
         for p in range(column_start[j], column_start[j + 1]):
             place[row[p]] = 9 * p
         b = 9 * column_start[j]
-        largest = maximum(magnitude(load(blocks, b)), magnitude(load(blocks, b + 4)))
-        floor = PIVOT_ROUNDING * (maximum(largest, magnitude(load(blocks, b + 8))) + magnitude(moved))
         for t in range(left_start[j], left_start[j + 1]):
             k = left_column[t]
             u, q = 9 * left_entry[t], 6 * k
@@ -256,7 +269,11 @@ def factorise(
             for p in range(left_entry[t], column_start[k + 1]):
                 target = place[row[p]]
                 for c in range(0, 9, 3):
-                    u0, u1, u2 = load(blocks, 9 * p + c), load(blocks, 9 * p + c + 1), load(blocks, 9 * p + c + 2)
+                    u0, u1, u2 = (
+                        load(blocks, 9 * p + c),
+                        load(blocks, 9 * p + c + 1),
+                        load(blocks, 9 * p + c + 2),
+                    )
                     at = target + c
                     store(blocks, at, load(blocks, at) - u0 * w00 - u1 * w10 - u2 * w20)
                     store(blocks, at + 1, load(blocks, at + 1) - u0 * w01 - u1 * w11 - u2 * w21)
@@ -268,7 +285,7 @@ def factorise(
         u21 = load(blocks, b + 7) - l20 * a10
         l21 = u21 / d1
         d2 = _kept_from_zero(load(blocks, b + 8) + moved - l20 * a20 - l21 * u21, floor)
-        negative = negative + less(d0, zero(shift)) + less(d1, zero(shift)) + less(d2, zero(shift))
+        negative = negative + less(d0, above) + less(d1, above) + less(d2, above)
         # L⁻¹ has the entries −l10, m20 = l10 l21 − l20, −l21; D⁻¹ = L⁻ᵀ diag(1/d) L⁻¹.
         m20 = l10 * l21 - l20
         i0, i1, i2 = 1.0 / d0, 1.0 / d1, 1.0 / d2
@@ -283,7 +300,7 @@ def factorise(
 
 
 @njit
-def _kept_from_zero(pivot, floor):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN202 - float or pack
+def _kept_from_zero(pivot, floor):
     return choose(less(magnitude(pivot), floor), choose(less(pivot, 0.0 * floor), -1.0 * floor, floor), pivot)
 
 
@@ -326,7 +343,7 @@ def solve(
 
 
 @njit
-def _times_pivot(pivot_inverse, q, y0, y1, y2):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN202
+def _times_pivot(pivot_inverse, q, y0, y1, y2):
     p00, p01, p02 = load(pivot_inverse, q), load(pivot_inverse, q + 1), load(pivot_inverse, q + 2)
     p11, p12, p22 = load(pivot_inverse, q + 3), load(pivot_inverse, q + 4), load(pivot_inverse, q + 5)
     return (

@@ -22,7 +22,7 @@ _INDEX = ir.IntType(32)
 _ROUNDED_ONCE = ("contract", "nsz")  # a·b + c may become one fused instruction; nothing else is loosened
 
 
-class PackType(types.Type):  # type: ignore[misc] - numba has no annotations
+class PackType(types.Type):
     """Numba type of a vector of `WIDTH` doubles."""
 
     def __init__(self) -> None:
@@ -33,16 +33,16 @@ pack = PackType()
 
 
 @register_model(PackType)
-class _PackModel(models.PrimitiveModel):  # type: ignore[misc] - numba has no annotations
-    def __init__(self, manager: Any, frontend_type: Any) -> None:  # noqa: ANN401 - numba's own types
+class _PackModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, frontend_type: Any) -> None:
         super().__init__(manager, frontend_type, _VECTOR)
 
 
-def _row_type(array: Any) -> Any:  # noqa: ANN401 - numba's own types
+def _row_type(array: Any) -> Any:
     return pack if array.ndim == 2 else types.float64
 
 
-def _pointer(context: Any, builder: Any, array_type: Any, array: Any, row: Any) -> Any:  # noqa: ANN401
+def _pointer(context: Any, builder: Any, array_type: Any, array: Any, row: Any) -> Any:
     data = context.make_array(array_type)(context, builder, array).data
     if array_type.ndim == 1:
         return builder.gep(data, [row])
@@ -50,11 +50,9 @@ def _pointer(context: Any, builder: Any, array_type: Any, array: Any, row: Any) 
     return builder.bitcast(builder.gep(data, [first]), _VECTOR.as_pointer())
 
 
-@intrinsic  # type: ignore[misc] - numba has no annotations
-def load(_typing: Any, array: Any, _row: Any) -> Any:  # noqa: ANN401 - numba's own types
-    """Read a row of an array: a float from ``(n,)``, a pack from ``(n, WIDTH)``."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ANN401
+@intrinsic
+def _load(_typing: Any, array: Any, _row: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         value = builder.load(_pointer(context, builder, signature.args[0], *arguments))
         value.align = 8
         return value
@@ -62,11 +60,9 @@ def load(_typing: Any, array: Any, _row: Any) -> Any:  # noqa: ANN401 - numba's 
     return _row_type(array)(array, types.int64), generate
 
 
-@intrinsic  # type: ignore[misc] - numba has no annotations
-def store(_typing: Any, array: Any, _row: Any, _value: Any) -> Any:  # noqa: ANN401 - numba's own types
-    """Write a row of an array; a float is written to all lanes."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ANN401
+@intrinsic
+def _store(_typing: Any, array: Any, _row: Any, _value: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         target, row, value = arguments
         instruction = builder.store(value, _pointer(context, builder, signature.args[0], target, row))
         instruction.align = 8
@@ -75,11 +71,9 @@ def store(_typing: Any, array: Any, _row: Any, _value: Any) -> Any:  # noqa: ANN
     return types.void(array, types.int64, _row_type(array)), generate
 
 
-@intrinsic  # type: ignore[misc] - numba has no annotations
-def zero(_typing: Any, array: Any) -> Any:  # noqa: ANN401 - numba's own types
-    """Return nothing, in the width of the rows of `array`."""
-
-    def generate(_context: Any, _builder: Any, signature: Any, _arguments: Any) -> Any:  # noqa: ANN401
+@intrinsic
+def _zero(_typing: Any, array: Any) -> Any:
+    def generate(_context: Any, _builder: Any, signature: Any, _arguments: Any) -> Any:
         if signature.return_type is pack:
             return ir.Constant(_VECTOR, [0.0] * WIDTH)
         return ir.Constant(ir.DoubleType(), 0.0)
@@ -87,9 +81,9 @@ def zero(_typing: Any, array: Any) -> Any:  # noqa: ANN401 - numba's own types
     return _row_type(array)(array), generate
 
 
-@intrinsic  # type: ignore[misc] - numba has no annotations
-def _splat(_typing: Any, _value: Any) -> Any:  # noqa: ANN401 - numba's own types
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:  # noqa: ANN401
+@intrinsic
+def _splatted(_typing: Any, _value: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         empty = ir.Constant(_VECTOR, ir.Undefined)
         first = builder.insert_element(empty, arguments[0], ir.Constant(_INDEX, 0))
         return builder.shuffle_vector(first, empty, ir.Constant(ir.VectorType(_INDEX, WIDTH), [0] * WIDTH))
@@ -97,10 +91,13 @@ def _splat(_typing: Any, _value: Any) -> Any:  # noqa: ANN401 - numba's own type
     return pack(types.float64), generate
 
 
-def _arithmetic(instruction: str) -> Any:  # noqa: ANN401 - an intrinsic
-    @intrinsic  # type: ignore[misc] - numba has no annotations
-    def operation(_typing: Any, _left: Any, _right: Any) -> Any:  # noqa: ANN401 - numba's own types
-        def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:  # noqa: ANN401
+_splat: Any = _splatted
+
+
+def _arithmetic(instruction: str) -> Any:
+    @intrinsic
+    def operation(_typing: Any, _left: Any, _right: Any) -> Any:
+        def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
             return getattr(builder, instruction)(*arguments, flags=_ROUNDED_ONCE)
 
         return pack(pack, pack), generate
@@ -108,12 +105,12 @@ def _arithmetic(instruction: str) -> Any:  # noqa: ANN401 - an intrinsic
     return operation
 
 
-def _mixed(operation: Any) -> Any:  # noqa: ANN401 - an overload's body
+def _mixed(operation: Any) -> Any:
     """Let an operation on packs take a float on either side."""
 
-    def choose(left, right):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN202 - numba compares signatures
+    def choose(left, right):  # noqa: ANN001, ANN202 - numba compares signatures
         if left is pack and right is pack:
-            return lambda left, right: operation(left, right)
+            return lambda left, right: operation(left, right)  # noqa: PLW0108 - numba compiles a function
         if left is pack and isinstance(right, types.Float):
             return lambda left, right: operation(left, _splat(right))
         if right is pack and isinstance(left, types.Float):
@@ -132,12 +129,12 @@ for _operator, _instruction in (
     overload(_operator)(_mixed(_arithmetic(_instruction)))
 
 
-def _compared(condition: str, otherwise: str) -> Any:  # noqa: ANN401 - an intrinsic
+def _compared(condition: str, otherwise: str) -> Any:
     """Build a choice between two values by a comparison of the first with the second or with zero."""
 
-    @intrinsic  # type: ignore[misc] - numba has no annotations
-    def operation(_typing: Any, left: Any, _right: Any) -> Any:  # noqa: ANN401 - numba's own types
-        def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:  # noqa: ANN401
+    @intrinsic
+    def operation(_typing: Any, left: Any, _right: Any) -> Any:
+        def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
             left, right = arguments
             kind = left.type
             one = ir.Constant(kind, [1.0] * WIDTH if kind == _VECTOR else 1.0)
@@ -150,19 +147,15 @@ def _compared(condition: str, otherwise: str) -> Any:  # noqa: ANN401 - an intri
     return operation
 
 
-maximum = _compared(">", "right")
+maximum: Any = _compared(">", "right")
 """The larger of two values, lane by lane."""
-minimum = _compared("<", "right")
-"""The smaller of two values, lane by lane."""
-less = _compared("<", "mask")
+less: Any = _compared("<", "mask")
 """1.0 where the first value is the smaller, else 0.0, lane by lane."""
 
 
-@intrinsic  # type: ignore[misc] - numba has no annotations
-def choose(_typing: Any, _mask: Any, left: Any, _right: Any) -> Any:  # noqa: ANN401 - numba's own types
-    """Return the first value where the mask is not zero, else the second, lane by lane."""
-
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:  # noqa: ANN401
+@intrinsic
+def _choose(_typing: Any, _mask: Any, left: Any, _right: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         mask, left, right = arguments
         nothing = ir.Constant(mask.type, [0.0] * WIDTH if mask.type == _VECTOR else 0.0)
         return builder.select(builder.fcmp_unordered("!=", mask, nothing), left, right)
@@ -170,10 +163,10 @@ def choose(_typing: Any, _mask: Any, left: Any, _right: Any) -> Any:  # noqa: AN
     return left(left, left, left), generate
 
 
-def _unary(name: str) -> Any:  # noqa: ANN401 - an intrinsic
-    @intrinsic  # type: ignore[misc] - numba has no annotations
-    def operation(_typing: Any, value: Any) -> Any:  # noqa: ANN401 - numba's own types
-        def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:  # noqa: ANN401
+def _unary(name: str) -> Any:
+    @intrinsic
+    def operation(_typing: Any, value: Any) -> Any:
+        def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
             kind = arguments[0].type
             full_name = f"{name}.v{WIDTH}f64" if kind == _VECTOR else f"{name}.f64"
             function = get_or_insert_function(builder.module, ir.FunctionType(kind, [kind]), full_name)
@@ -184,7 +177,17 @@ def _unary(name: str) -> Any:  # noqa: ANN401 - an intrinsic
     return operation
 
 
-root = _unary("llvm.sqrt")
+root: Any = _unary("llvm.sqrt")
 """Square root, lane by lane."""
-magnitude = _unary("llvm.fabs")
+magnitude: Any = _unary("llvm.fabs")
 """Absolute value, lane by lane."""
+
+# Compiled functions take floats and packs: no annotation says so, so none is claimed.
+load: Any = _load
+"""Read a row of an array: a float from ``(n,)``, a pack from ``(n, WIDTH)``."""
+store: Any = _store
+"""Write a row of an array."""
+zero: Any = _zero
+"""Return nothing, in the width of the rows of an array."""
+choose: Any = _choose
+"""Return the second value where the first is not zero, else the third, lane by lane."""

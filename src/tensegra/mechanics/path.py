@@ -119,7 +119,7 @@ def prepare(
     runs: list[StageRun] = []
     equilibria: list[Equilibrium] = []
     nodes = arrays.coordinates
-    for index, (name, after) in enumerate(_stage_targets(structure, arrays)):
+    for index, (name, after) in enumerate(stage_targets(structure, arrays)):
         follower = _follower(tangent, stage_inputs(arrays, inputs, after), equilibria, settings)
         if index == 0:
             run = _first_stage(follower, name, settle=settle_start)
@@ -142,7 +142,7 @@ def _missing_start(before: StageRun) -> str | None:
     return None
 
 
-def _stage_targets(structure: Structure, arrays: StructureArrays) -> list[tuple[str, Inputs]]:
+def stage_targets(structure: Structure, arrays: StructureArrays) -> list[tuple[str, Inputs]]:
     """Return name and final inputs of each stage; the structure's own gravity acts from the first on."""
     gravity = np.array(structure.gravity, dtype=np.float64)
     inputs = replace(initial_inputs(arrays), gravity=gravity)
@@ -235,7 +235,7 @@ def _equilibrium(structure: Structure, tangent: Tangent, run: StageRun, load: Lo
     if run.outcome is Status.FAILED:
         return nowhere
     _, residual = unbalanced(tangent, run.nodes, load)
-    spectrum = tangent.spectrum(1)
+    lowest = tangent.lowest_eigenvalue()
     n_negative = tangent.factorise()
     result = replace(
         nowhere,
@@ -244,7 +244,7 @@ def _equilibrium(structure: Structure, tangent: Tangent, run: StageRun, load: Lo
         tensions=tangent.tension.copy(),
         slack=arrays.is_cable & ~tangent.taut,
         residual=residual,
-        lowest_eigenvalue=float(spectrum.values[0]),
+        lowest_eigenvalue=lowest,
         n_negative=n_negative,
         strain_energy=tangent.energy(load.rest_length),
     )

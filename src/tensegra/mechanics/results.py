@@ -1,6 +1,6 @@
 """What an analysis returns: statuses that are sentences, equilibria that carry their proof."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Self
@@ -123,7 +123,7 @@ class Equilibrium:
     lowest_eigenvalue
         Of the tangent stiffness K over the free coordinates, force per length.
     n_negative
-        Number of negative eigenvalues of K (its inertia).
+        Number of eigenvalues of K that are not positive (its inertia).
     strain_energy
         Σ T (ℓ − l₀)/2, force times length.
     steps, iterations
@@ -160,11 +160,11 @@ class Equilibrium:
 
     def node(self, node: str | int) -> FloatArray:
         """Position of a node, shape ``(3,)``."""
-        return np.array(self.nodes[_index(self.structure.nodes, node, "node")])
+        return np.array(self.nodes[index_of(self.structure.nodes, node, "node")])
 
     def tension(self, member: str | int) -> float:
         """Tension of a member, unit of force."""
-        return float(self.tensions[_index(self.structure.members, member, "member")])
+        return float(self.tensions[index_of(self.structure.members, member, "member")])
 
     @property
     def slack_members(self) -> tuple[str, ...]:
@@ -250,9 +250,9 @@ class EquilibriumPath:
         """Displacements by the actuation from the last stage, shape ``(n_nodes, 3)``."""
         return self.final.nodes - self.stages[-1].nodes
 
-    def displacement(self, axis: str, nodes: Sequence[str | int]) -> float:
+    def displacement(self, axis: str, nodes: str | int | Sequence[str | int]) -> float:
         """Mean displacement of the named nodes along an axis, from the last stage's equilibrium."""
-        rows = [_index(self.structure.nodes, node, "node") for node in nodes]
+        rows = [index_of(self.structure.nodes, node, "node") for node in names_in(nodes)]
         return float(self.displacements[rows, axis_index(axis)].mean())
 
     def derivative(self, name: object, of: ParameterKind = "actuation") -> Derivative:
@@ -271,7 +271,7 @@ class EquilibriumPath:
         ModelError
             For a name that the structure does not have.
         SolverError
-            Where the last equilibrium failed.
+            Where the last equilibrium is not a stable one.
 
         Examples
         --------
@@ -282,6 +282,7 @@ class EquilibriumPath:
         >>> by_a14.nodes.shape, by_a14.tensions.shape
         ((24, 3), (48,))
         """
+        self.final.raise_for_status()
         direction = direction_of(self.given, of, name)
         tangent = Tangent(self.given.arrays)
         settle_tangent(tangent, self.final.nodes, self.load)
@@ -348,7 +349,19 @@ def axis_index(axis: str) -> int:
     return AXES.index(axis)
 
 
-def _index(names: Any, name: str | int, what: str) -> int:  # noqa: ANN401 - any ordered mapping of ids
+def names_in(names: str | int | Sequence[str | int]) -> Sequence[str | int]:
+    """Return the names as a sequence: one alone is a sequence of itself."""
+    return [names] if isinstance(names, str | int) else names
+
+
+def index_of(names: Iterable[str], name: str | int, what: str) -> int:
+    """Return the place of a name among the ids of a structure's nodes or members.
+
+    Raises
+    ------
+    ModelError
+        Where it is none of them.
+    """
     ids = list(names)
     try:
         return ids.index(str(name))

@@ -6,9 +6,7 @@ like any other. Where the given coordinates do not stand (no prestress yet, or a
 eigenvalue) there is no path to follow, and Newton's method or a fall finds the equilibrium.
 """
 
-import numpy as np
-
-from tensegra.mechanics.equilibrium import newton, unbalanced
+from tensegra.mechanics.equilibrium import ZERO_EIGENVALUE, newton, unbalanced
 from tensegra.mechanics.follow import StageFollower, StageRun, reference_tension
 from tensegra.mechanics.results import Status
 
@@ -32,7 +30,7 @@ def first_stage(follower: StageFollower, name: str, *, settle: bool) -> StageRun
     given = arrays.coordinates
     out, _ = unbalanced(tangent, given, follower.load_at(0.0))
     follower.reference_tension = reference_tension(tangent.tension, arrays.stiffness)
-    stands = tangent.factorise() == 0 and tangent.spectrum(1).values[0] > _rounding(follower)
+    stands = tangent.factorise() == 0
     if stands:
         follower.inputs = follower.inputs.balanced_by(out)
         return follower.run(name, given)
@@ -40,11 +38,6 @@ def first_stage(follower: StageFollower, name: str, *, settle: bool) -> StageRun
     if not settle and _stay_unstable(follower, run):
         return run
     return _fall_into_place(follower, run)
-
-
-def _rounding(follower: StageFollower) -> float:
-    """Eigenvalue below which K is singular for all that rounding can tell."""
-    return 1e-12 * follower.tangent.stiffness_scale
 
 
 def _stay_unstable(follower: StageFollower, run: StageRun) -> bool:
@@ -57,8 +50,8 @@ def _stay_unstable(follower: StageFollower, run: StageRun) -> bool:
         largest_move=NEAR_EQUILIBRIUM * arrays.size,
     )
     run.iterations += attempt.iterations
-    lowest = tangent.spectrum(1).values[0]
-    if not attempt.converged or lowest >= -_rounding(follower):
+    lowest = tangent.lowest_eigenvalue()
+    if not attempt.converged or lowest >= -ZERO_EIGENVALUE * tangent.stiffness_scale:
         return False
     run.nodes, run.parameter = attempt.nodes, 1.0
     run.outcome = Status.UNSTABLE
@@ -79,7 +72,6 @@ def _fall_into_place(follower: StageFollower, run: StageRun) -> StageRun:
     if not attempt.converged:
         run.outcome = Status.FAILED
         run.reason = f"no equilibrium found from the given coordinates: residual {attempt.residual:.3g}"
-    elif attempt.flat or np.abs(follower.tangent.tension).max() == 0.0:
-        run.outcome = Status.COLLAPSED
-        run.reason = "nothing holds the structure: no member carries force at the end of the stage"
+    elif attempt.flat:
+        run.end(Status.COLLAPSED, "the structure does not stand: nothing holds it in its position")
     return run

@@ -9,6 +9,7 @@ import numpy as np
 from tensegra.mechanics.equilibrium import (
     FLAT_TENSION,
     RESIDUAL_TOLERANCE,
+    ZERO_EIGENVALUE,
     Load,
     carried_tension,
     unbalanced,
@@ -59,8 +60,12 @@ def run_stepped(follower: StageFollower, name: str, nodes: np.ndarray) -> StageR
         run.nodes, run.parameter = x, parameter
         run.steps += 1
         run.history.append(PathPoint(name, parameter, x, tangent.tension.copy(), run.iterations))
-    if (n_negative := tangent.factorise()) > 0:
-        run.end(Status.UNSTABLE, f"ends where K has {n_negative} negative eigenvalue(s)")
+    if tangent.factorise() > 0:
+        lowest = tangent.lowest_eigenvalue()
+        if lowest > -ZERO_EIGENVALUE * tangent.stiffness_scale:
+            run.end(Status.COLLAPSED, "ends where K is singular")
+        else:
+            run.end(Status.UNSTABLE, f"ends where K has the negative eigenvalue {lowest:.4g}")
     return run
 
 

@@ -33,8 +33,10 @@ class Tangent:
     stress
         Tensions in the geometric part T ∂²ℓ/∂x² of K: those of the last `measure` unless the
         caller puts others in their place before it factorises.
+    stiffness_scale
+        Largest EA/l₀ of the last `measure`, slack or not: what is little beside it is rounding.
     n_negative
-        Negative eigenvalues of K (+ shift) found by the last `factorise`.
+        Eigenvalues of K (+ shift) that are not positive, found by the last `factorise`.
     """
 
     def __init__(self, arrays: StructureArrays, pattern: Pattern | None = None) -> None:
@@ -101,6 +103,7 @@ class Tangent:
             self.tension[slack] = 0.0
             self.axial[slack] = 0.0
         self.stress = self.tension
+        self.stiffness_scale = float((stiffness / rest_length).max())
         kernels.internal_force(
             self._unit, self.tension, arrays.segment_nodes, arrays.segment_start, self._force
         )
@@ -165,14 +168,13 @@ class Tangent:
             pattern.pair_entry,
             pattern.held_entry,
             pattern.held_diagonal,
+            np.array([self.stiffness_scale]),
             self._gradient,
             self._blocks,
         )
-        diagonal = self._blocks[9 * pattern.column_start[:-1, None] + np.array([0, 4, 8])]
-        self.stiffness_scale = float(np.abs(diagonal).max(initial=0.0)) or 1.0
 
     def factorise(self, shift: float = 0.0) -> int:
-        """Assemble and factorise K + shift·I at the last measure; return its negative eigenvalues."""
+        """Factorise K + shift·I at the last measure; return how many eigenvalues are not positive."""
         self.assemble()
         pattern = self.pattern
         kernels.factorise(
@@ -182,6 +184,7 @@ class Tangent:
             pattern.left_column,
             pattern.left_entry,
             np.array([shift]),
+            np.array([self.stiffness_scale]),
             self._place,
             self._blocks,
             self._pivot_inverse,
@@ -218,9 +221,14 @@ class Tangent:
         return np.flatnonzero(self.arrays.free[self.pattern.block_node].ravel())
 
     def spectrum(self, n_lowest: int = 1) -> Spectrum:
-        """Return the lowest eigenvalues of K at the last measure with their modes."""
+        """Return the lowest eigenvalues of K at the last measure with their modes.
+
+        There are none where every coordinate is held.
+        """
         free = self.free_index
         n_lowest = min(n_lowest, len(free))
+        if n_lowest == 0:
+            return Spectrum(np.zeros(0), np.zeros((0, self.arrays.n_nodes, 3)))
         if len(free) <= LARGEST_DENSE:
             from scipy.linalg import eigh
 
@@ -230,6 +238,11 @@ class Tangent:
         modes = np.zeros((n_lowest, 3 * self.pattern.n_blocks))
         modes[:, free] = vectors.T
         return Spectrum(values, np.array([self._scatter(mode) for mode in modes]))
+
+    def lowest_eigenvalue(self) -> float:
+        """Return the lowest eigenvalue of K at the last measure; infinite where nothing can move."""
+        values = self.spectrum(1).values
+        return float(values[0]) if len(values) else np.inf
 
     def _lanczos(self, n_lowest: int) -> tuple[FloatArray, FloatArray]:
         """Shift-invert Lanczos; the shift lies below the spectrum, so the nearest are the lowest."""
@@ -273,7 +286,7 @@ class Tangent:
 
     def _solve_filled(self, rhs: FloatArray) -> FloatArray:
         """Solve with the filled part A alone; `rhs` has shape ``(n,)`` or ``(n, n_columns)``."""
-        columns = np.array(rhs.reshape(len(rhs), -1).T, order="C")
+        columns = np.array(np.atleast_2d(rhs.T), order="C")
         for column in columns:
             kernels.solve(
                 self.pattern.column_start, self.pattern.row, self._blocks, self._pivot_inverse, column

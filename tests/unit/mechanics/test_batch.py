@@ -1,0 +1,198 @@
+import numpy as np
+import pytest
+
+from tensegra.errors import ModelError
+from tensegra.mechanics import PathSettings, solve_batch, solve_path
+from tensegra.structure import Member, Structure, apply_changes, library
+
+SAME = 1e-9
+"""Of the structure's size: both solve the same equations, perhaps in other steps."""
+
+
+@pytest.fixture(scope="module")
+def beam():
+    return library.paper_beam()
+
+
+def single_runs(structure, n_runs, **inputs):
+    return [
+        solve_path(
+            structure,
+            **{
+                what: {name: values[run] for name, values in mapping.items()}
+                for what, mapping in inputs.items()
+            },
+        )
+        for run in range(n_runs)
+    ]
+
+
+def assert_equal_to(batch, paths):
+    size = np.ptp(batch.structure.coordinates)
+    assert batch.n_runs == len(paths)
+    assert batch.status.tolist() == [str(path.status) for path in paths]
+    assert batch.reason.tolist() == [path.reason for path in paths]
+    nodes = np.array([path.final.nodes for path in paths])
+    tensions = np.array([path.final.tensions for path in paths])
+    np.testing.assert_allclose(batch.nodes, nodes, atol=SAME * size)
+    np.testing.assert_allclose(
+        batch.displacements, [path.displacements for path in paths], atol=2 * SAME * size
+    )
+    np.testing.assert_allclose(batch.tensions, tensions, atol=1e-8 * np.nanmax(np.abs(tensions)))
+    np.testing.assert_array_equal(batch.slack, [path.final.slack for path in paths])
+    # The lowest eigenvalue is 1e-6 of the largest: it is the first to see a change of the positions.
+    np.testing.assert_allclose(
+        batch.lowest_eigenvalue, [path.final.lowest_eigenvalue for path in paths], rtol=1e-5, atol=1e-9
+    )
+    ended = batch.status != "failed"
+    assert np.all(batch.residual[ended] <= 1e-9)
+
+
+def test_batch_equals_single_runs_of_all_that_acts_after_the_stages(beam):
+    rng = np.random.default_rng(0)
+    inputs = {
+        "actuation": {"A14": rng.uniform(0, 0.1, 5), "A23": rng.uniform(0, 0.1, 5)},
+        "temperature": {"top": rng.uniform(-50, 150, 5), "c1": rng.uniform(0, 50, 5)},
+        "loads": {("23", "z"): rng.uniform(-1, 1, 5)},
+        "positions": {("4", "z"): rng.uniform(-1, 1, 5)},
+    }
+    batch = solve_batch(beam, **inputs)
+    assert_equal_to(batch, single_runs(beam, 5, **inputs))
+    assert batch.node_ids == beam.node_ids
+    assert batch.member_ids == beam.member_ids
+    assert np.all(batch.steps > 0)
+    assert np.all(batch.iterations >= batch.steps - 1)
+    assert np.all(batch.seconds > 0.0)
+
+
+def test_a_batch_mixes_outcomes(beam):
+    # Without gravity; the second run loses its prestress, the others do not.
+    weightless = beam.replace(gravity=(0, 0, 0))
+    inputs = {"actuation": {"A14": np.array([0.1, 0.0, 0.2]), "A23": np.array([0.1, 0.25, 0.1])}}
+    batch = solve_batch(weightless, **inputs)
+    assert batch.status.tolist() == ["stable", "collapsed", "stable"]
+    alone = solve_path(weightless, {"A14": 0.2, "A23": 0.1})
+    np.testing.assert_allclose(batch.nodes[2], alone.final.nodes, atol=SAME * 240)
+    assert batch.reason[0] == batch.reason[2] == ""
+    assert "prestress lost" in batch.reason[1]
+
+
+def test_what_changes_the_structure_equals_the_changed_structure(beam):
+    batch = solve_batch(
+        beam,
+        actuation={"A14": [0.05, 0.05]},
+        youngs_modulus={"steel": [11500.0, 10000.0]},
+        area={"K1": [0.5026, 0.6], "struts": [255.0, 200.0]},
+        rest_length={"c1": [beam.members["c1"].rest_length, 1.001 * beam.members["c1"].rest_length]},
+    )
+    changed = apply_changes(
+        beam,
+        {
+            "materials": {"steel": {"youngs_modulus": 10000.0}},
+            "members": {
+                "K1": {"area": 0.6},
+                "c1": {"rest_length": 1.001 * beam.members["c1"].rest_length},
+                **{strut: {"area": 200.0} for strut in beam.groups["struts"]},
+            },
+        },
+    )
+    paths = [solve_path(structure, {"A14": 0.05}) for structure in (beam, changed)]
+    assert_equal_to(batch, paths)
+    assert np.abs(batch.nodes[1] - batch.nodes[0]).max() > 1e-3  # the changes do something
+
+
+def test_the_order_of_the_runs_does_not_matter(beam):
+    values = np.linspace(0.0, 0.1, 7)
+    forwards = solve_batch(beam, actuation={"A14": values, "A23": values})
+    backwards = solve_batch(beam, actuation={"A14": values[::-1], "A23": values[::-1]})
+    np.testing.assert_array_equal(backwards.nodes[::-1], forwards.nodes)
+    np.testing.assert_array_equal(backwards.lowest_eigenvalue[::-1], forwards.lowest_eigenvalue)
+
+
+def test_failed_runs_are_nan_among_the_others(beam):
+    # The plain procedure of the source does not converge on the first run.
+    settings = PathSettings(path="stepped")
+    batch = solve_batch(beam, actuation={"A14": [0.01, 0.1], "A23": [0.1, 0.1]}, settings=settings)
+    assert batch.status.tolist() == ["failed", "stable"]
+    for values in (batch.nodes, batch.displacements, batch.tensions, batch.displacement("z", ["18"])):
+        assert np.isnan(values[0]).all()
+        assert np.isfinite(values[1]).all()
+    assert "did not converge" in batch.reason[0]
+    assert batch.reason[1] == ""
+
+
+def test_outputs_are_means_over_nodes(beam):
+    batch = solve_batch(beam, actuation={"A14": [0.02, 0.04]})
+    row18, row23 = (beam.node_ids.index(node) for node in ("18", "23"))
+    expected = 0.5 * (batch.displacements[:, row18, 2] + batch.displacements[:, row23, 2])
+    np.testing.assert_allclose(batch.displacement("z", [18, "23"]), expected, rtol=1e-13)
+    np.testing.assert_array_equal(batch.coordinate("x", ["18"]), batch.nodes[:, row18, 0])
+    np.testing.assert_array_equal(batch.tension("K1"), batch.tensions[:, list(beam.members).index("K1")])
+
+
+def test_nodes_given_as_one_text_are_one_node_or_refused(beam):
+    batch = solve_batch(beam, actuation={"A14": [0.02]})
+    for output in (batch.displacement, batch.coordinate):
+        try:
+            found = output("z", "18")
+        except ModelError:
+            continue
+        np.testing.assert_array_equal(found, output("z", ["18"]))
+
+
+def test_integer_ids_are_accepted_as_inputs(beam):
+    by_integer = solve_batch(beam, loads={(23, "z"): [-0.5]}, positions={(4, "z"): [0.5]})
+    by_text = solve_batch(beam, loads={("23", "z"): [-0.5]}, positions={("4", "z"): [0.5]})
+    np.testing.assert_array_equal(by_integer.nodes, by_text.nodes)
+
+
+def test_no_input_is_one_run_of_the_stages(beam):
+    batch = solve_batch(beam)
+    assert batch.n_runs == 1
+    np.testing.assert_array_equal(batch.nodes[0], solve_path(beam).final.nodes)
+    assert not batch.displacements.any()
+
+
+def test_no_runs_are_a_batch_of_nothing(beam):
+    batch = solve_batch(beam, actuation={"A14": []})
+    assert batch.n_runs == 0
+    assert batch.nodes.shape == batch.displacements.shape == (0, 24, 3)
+    assert batch.tensions.shape == batch.slack.shape == (0, 48)
+    assert batch.displacement("z", [18]).shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "message"),
+    [
+        ({"actuation": {"A14": [0.1, 0.1], "A23": [0.1]}}, "2 runs"),
+        ({"actuation": {"A14": [[0.1]]}}, "1 run"),
+        ({"actuation": {"A15": [0.1]}}, "did you mean 'A1"),
+        ({"actuation": {"A14": [0.1, 1.0]}}, "rest length"),
+        ({"actuation": {"A14": [0.1, np.nan]}}, "A14"),
+        ({"temperature": {"topp": [1.0]}}, "did you mean 'top'"),
+        ({"temperature": {"top": [np.nan]}}, "finite"),
+        ({"loads": {("231", "z"): [1.0]}}, "did you mean '23"),
+        ({"loads": {("23", "w"): [1.0]}}, "x, y or z"),
+        ({"positions": {("23", "z"): [1.0]}}, "supported"),
+        ({"youngs_modulus": {"steal": [1.0]}}, "did you mean 'steel'"),
+        ({"youngs_modulus": {"steel": [-1.0]}}, "youngs_modulus"),
+        ({"area": {"strut": [1.0]}}, "did you mean 'struts'"),
+        ({"area": {"struts": [0.0]}}, "area"),
+        ({"rest_length": {"K11": [1.0]}}, "did you mean 'K1'"),
+        ({"rest_length": {"K1": [np.inf]}}, "rest_length"),
+    ],
+)
+def test_an_impossible_input_is_refused(beam, inputs, message):
+    with pytest.raises(ModelError, match=message):
+        solve_batch(beam, **inputs)
+
+
+def test_area_of_a_member_given_by_its_stiffness_is_refused():
+    rope = Structure(
+        name="rope",
+        nodes={"1": (0, 0, 0), "2": (2, 0, 0)},
+        members={"K": Member("cable", ("1", "2"), 1.9, stiffness=10.0)},
+        supports={"1": "xyz", "2": "yz"},
+    )
+    with pytest.raises(ModelError, match="stiffness"):
+        solve_batch(rope, area={"K": [1.0]})

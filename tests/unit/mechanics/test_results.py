@@ -1,0 +1,203 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tensegra.errors import ModelError, SolverError
+from tensegra.mechanics import CriticalPoint, PathSettings, Status, solve_path
+from tensegra.mechanics.results import axis_index
+from tensegra.structure import Member, Stage, Structure, library
+
+
+@pytest.fixture(scope="module")
+def beam():
+    return library.paper_beam()
+
+
+@pytest.fixture(scope="module")
+def path(beam):
+    return solve_path(beam, {"A14": 0.02})
+
+
+@pytest.fixture(scope="module")
+def failed():
+    """Give an actuation up after eight of hundreds of small steps; what comes before is at rest."""
+    return solve_path(library.prism(), {"top": 0.3}, settings=PathSettings(largest_move=1e-3, max_steps=8))
+
+
+@pytest.fixture(scope="module")
+def collapsed(beam):
+    return solve_path(beam.replace(gravity=(0, 0, 0)), {"A23": 0.25})
+
+
+def strict_json(value):
+    """Write and read as JSON; NaN and infinities are refused."""
+    return json.loads(json.dumps(value, allow_nan=False))
+
+
+def test_path_as_plain_values(path, beam):
+    result = strict_json(path.to_dict())
+    assert result["structure"] == "paper_beam"
+    assert result["units"]["length"] == "cm"
+    assert result["status"] == "stable"
+    assert result["reason"] == ""
+    assert [stage["name"] for stage in result["stages"]] == ["prestress"]
+    actuation = result["actuation"]
+    np.testing.assert_array_equal(list(actuation["nodes"].values()), path.final.nodes)
+    np.testing.assert_array_equal(list(actuation["displacements"].values()), path.displacements)
+    assert list(actuation["nodes"]) == list(beam.nodes)
+    assert actuation["tensions"]["K1"] == path.final.tension("K1")
+    assert actuation["slack"] == []
+    assert actuation["lowest_eigenvalue"] == path.final.lowest_eigenvalue
+    for key in ("residual", "steps", "iterations", "reason", "strain_energy"):
+        assert key in actuation
+
+
+def test_a_failure_has_no_numbers(failed):
+    assert failed.status is Status.FAILED
+    assert "8 steps" in failed.reason
+    final = failed.final
+    assert np.isnan(final.nodes).all()
+    assert np.isnan(final.tensions).all()
+    assert np.isnan(failed.displacements).all()
+    result = strict_json(failed.to_dict())
+    actuation = result["actuation"]
+    numbers = (
+        "nodes",
+        "tensions",
+        "slack",
+        "residual",
+        "lowest_eigenvalue",
+        "strain_energy",
+        "displacements",
+    )
+    for key in numbers:
+        assert actuation[key] is None, key
+    assert result["stages"][0]["nodes"] is not None  # the stage before was solved
+
+
+def test_a_collapse_names_its_mechanisms(collapsed):
+    assert collapsed.status is Status.COLLAPSED
+    result = strict_json(collapsed.to_dict())
+    assert result["actuation"]["mechanisms"]
+    assert all(result["actuation"]["mechanisms"])
+    assert "mechanism" in collapsed.reason
+    assert "prestress lost" in collapsed.reason
+    assert "collapse" in [point.kind for point in collapsed.critical_points]
+    assert collapsed.final.lowest_eigenvalue == pytest.approx(0.0, abs=1e-6)  # K of about 1e4 kN/cm
+    assert np.abs(collapsed.final.tensions).max() < 82.0  # what is left is held between pinned nodes
+
+
+def test_success_is_returned_by_raise_for_status(path):
+    assert path.raise_for_status() is path
+    assert path.final.raise_for_status() is path.final
+    assert path.final.succeeded
+
+
+def test_failure_is_raised_by_raise_for_status(failed, collapsed):
+    with pytest.raises(SolverError, match=r"actuation.*failed"):
+        failed.raise_for_status()
+    with pytest.raises(SolverError, match="collapsed"):
+        collapsed.raise_for_status()
+    with pytest.raises(SolverError, match="prestress lost"):
+        collapsed.final.raise_for_status()
+
+
+@pytest.mark.parametrize("status", [Status.STABLE, Status.SNAPPED])
+def test_statuses_that_stand_are_not_raised(path, status):
+    replace(path.final, status=status).raise_for_status()
+
+
+@pytest.mark.parametrize("status", [Status.UNSTABLE, Status.COLLAPSED, Status.FAILED])
+def test_statuses_that_do_not_stand_are_raised(path, status):
+    with pytest.raises(SolverError):
+        replace(path.final, status=status, reason="because").raise_for_status()
+
+
+def test_lookups_take_texts_and_integers(path, beam):
+    final = path.final
+    row = list(beam.nodes).index("18")
+    np.testing.assert_array_equal(final.node(18), final.nodes[row])
+    np.testing.assert_array_equal(final.node("18"), final.nodes[row])
+    assert final.tension("K1") == final.tensions[list(beam.members).index("K1")]
+    mean = path.displacements[[row, list(beam.nodes).index("23")], 2].mean()
+    assert path.displacement("z", [18, "23"]) == mean
+
+
+def test_a_looked_up_position_is_a_copy(path):
+    before = path.final.node(18)
+    path.final.node(18)[:] = 0.0
+    np.testing.assert_array_equal(path.final.node(18), before)
+
+
+def test_integer_named_members():
+    structure = library.prism()
+    renamed = structure.replace(
+        members={str(i): member for i, member in enumerate(structure.members.values())}, actuators={}
+    )
+    equilibrium = solve_path(renamed).final
+    assert equilibrium.tension(3) == equilibrium.tension("3") == equilibrium.tensions[3]
+
+
+def test_misspelt_lookups_name_the_nearest(path):
+    with pytest.raises(ModelError, match="expected the id of a node"):
+        path.final.node(1800)
+    with pytest.raises(ModelError, match="did you mean 'K1'"):
+        path.final.tension("k1")
+    with pytest.raises(ModelError, match="did you mean '18'"):
+        path.displacement("z", [180])
+    with pytest.raises(ModelError, match="x, y or z"):
+        path.displacement("w", [18])
+
+
+def test_nodes_given_as_one_text_are_one_node_or_refused(path):
+    # "18" is a sequence of "1" and "8", both nodes of the beam: it must not be read as these two.
+    try:
+        found = path.displacement("z", "18")
+    except ModelError:
+        return
+    assert found == path.displacement("z", ["18"])
+
+
+def test_displacements_without_actuation_are_none(beam):
+    path = solve_path(beam)
+    assert path.actuation is None
+    assert path.final is path.stages[-1]
+    assert not path.displacements.any()
+    assert strict_json(path.to_dict())["actuation"] is None
+
+
+@pytest.mark.parametrize(("axis", "index"), [("x", 0), ("y", 1), ("z", 2)])
+def test_axis_index(axis, index):
+    assert axis_index(axis) == index
+
+
+@pytest.mark.parametrize("axis", ["", "xy", "X", "w"])
+def test_no_other_axis(axis):
+    with pytest.raises(ModelError, match="x, y or z"):
+        axis_index(axis)
+
+
+def test_slack_members_are_named():
+    # The lower rope is longer than the way.
+    structure = Structure(
+        name="mast",
+        nodes={"a": (0, 0, 0), "b": (0, 0, 1), "c": (0, 0, 2)},
+        members={
+            "low": Member("cable", ("a", "b"), 1.2, stiffness=10.0),
+            "high": Member("cable", ("b", "c"), 0.9, stiffness=10.0),
+        },
+        supports={"a": "xyz", "b": "xy", "c": "xyz"},
+        stages=[Stage("hang", loads={"b": (0, 0, -0.1)})],
+    )
+    final = solve_path(structure).final
+    assert final.slack_members == ("low",)
+    assert final.tension("low") == 0.0
+    assert final.tension("high") == pytest.approx(0.1)
+    assert final.to_dict()["slack"] == ["low"]
+
+
+def test_a_critical_point_is_a_sentence():
+    point = CriticalPoint("load", 0.25, "limit point", 1e-3, ("7",), snap=2.0)
+    assert str(point) == "limit point at 25 % of stage 'load', snap of 2"
