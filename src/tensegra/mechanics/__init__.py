@@ -3,14 +3,8 @@
 from tensegra.mechanics.batch import Batch, solve_batch
 from tensegra.mechanics.follow import PathSettings
 from tensegra.mechanics.path import solve_path
-from tensegra.mechanics.results import (
-    CriticalPoint,
-    Equilibrium,
-    EquilibriumPath,
-    PathPoint,
-    SlackEvent,
-    Status,
-)
+from tensegra.mechanics.results import Equilibrium, EquilibriumPath
+from tensegra.mechanics.status import CriticalPoint, PathPoint, SlackEvent, Status
 
 __all__ = [
     "Batch",

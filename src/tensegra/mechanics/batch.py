@@ -37,7 +37,8 @@ from tensegra.mechanics.inputs import (
 )
 from tensegra.mechanics.lockstep_solver import SOFT_MODES, LockstepSolver
 from tensegra.mechanics.path import Prepared, actuate, prepare, stage_targets
-from tensegra.mechanics.results import EquilibriumPath, Status, axis_index, index_of, names_in
+from tensegra.mechanics.results import EquilibriumPath
+from tensegra.mechanics.status import Status, axis_index, index_of, names_in
 from tensegra.mechanics.tangent import Tangent
 from tensegra.mechanics.variants import Variants, varied_arrays, varied_structure
 from tensegra.structure import Structure

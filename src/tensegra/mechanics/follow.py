@@ -25,7 +25,7 @@ from tensegra.mechanics.equilibrium import (
     unbalanced,
 )
 from tensegra.mechanics.inputs import StageInputs
-from tensegra.mechanics.results import CriticalPoint, PathPoint, SlackEvent, Status
+from tensegra.mechanics.status import CriticalPoint, PathPoint, SlackEvent, Status
 from tensegra.mechanics.tangent import Tangent
 
 Policy = Literal["settle", "stop", "trace"]

@@ -12,7 +12,8 @@ from typing import Any
 from llvmlite import ir
 from numba import types
 from numba.core.cgutils import get_or_insert_function
-from numba.extending import intrinsic, models, overload, register_model
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
 
 WIDTH = 8
 """Lanes of a pack: 8 doubles fill an AVX-512 register, two of AVX2, four of NEON."""
@@ -81,52 +82,39 @@ def _zero(_typing: Any, array: Any) -> Any:
     return _row_type(array)(array), generate
 
 
-@intrinsic
-def _splatted(_typing: Any, _value: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        empty = ir.Constant(_VECTOR, ir.Undefined)
-        first = builder.insert_element(empty, arguments[0], ir.Constant(_INDEX, 0))
-        return builder.shuffle_vector(first, empty, ir.Constant(ir.VectorType(_INDEX, WIDTH), [0] * WIDTH))
-
-    return pack(types.float64), generate
-
-
-_splat: Any = _splatted
+def _splat(builder: Any, value: Any) -> Any:
+    """Write the same float to all lanes."""
+    if value.type == _VECTOR:
+        return value
+    empty = ir.Constant(_VECTOR, ir.Undefined)
+    first = builder.insert_element(empty, value, ir.Constant(_INDEX, 0))
+    return builder.shuffle_vector(first, empty, ir.Constant(ir.VectorType(_INDEX, WIDTH), [0] * WIDTH))
 
 
-def _arithmetic(instruction: str) -> Any:
-    @intrinsic
-    def operation(_typing: Any, _left: Any, _right: Any) -> Any:
-        def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-            return getattr(builder, instruction)(*arguments, flags=_ROUNDED_ONCE)
+class _Arithmetic(AbstractTemplate):
+    """An operation on packs takes a float on either side."""
 
-        return pack(pack, pack), generate
-
-    return operation
-
-
-def _mixed(operation: Any) -> Any:
-    """Let an operation on packs take a float on either side."""
-
-    def choose(left, right):  # noqa: ANN001, ANN202 - numba compares signatures
-        if left is pack and right is pack:
-            return lambda left, right: operation(left, right)  # noqa: PLW0108 - numba compiles a function
-        if left is pack and isinstance(right, types.Float):
-            return lambda left, right: operation(left, _splat(right))
-        if right is pack and isinstance(left, types.Float):
-            return lambda left, right: operation(_splat(left), right)
+    def generic(self, arguments: Any, _keywords: Any) -> Any:
+        if pack in arguments and all(kind is pack or kind == types.float64 for kind in arguments):
+            return signature(pack, *arguments)
         return None
 
-    return choose
+
+def _declare(symbol: Any, instruction: str) -> None:
+    infer_global(symbol)(type(f"_{instruction}", (_Arithmetic,), {}))
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        left, right = (_splat(builder, argument) for argument in arguments)
+        return getattr(builder, instruction)(left, right, flags=_ROUNDED_ONCE)
+
+    for kinds in ((PackType, PackType), (PackType, types.Float), (types.Float, PackType)):
+        lower_builtin(symbol, *kinds)(generate)
 
 
-for _operator, _instruction in (
-    (operator.add, "fadd"),
-    (operator.sub, "fsub"),
-    (operator.mul, "fmul"),
-    (operator.truediv, "fdiv"),
-):
-    overload(_operator)(_mixed(_arithmetic(_instruction)))
+_declare(operator.add, "fadd")
+_declare(operator.sub, "fsub")
+_declare(operator.mul, "fmul")
+_declare(operator.truediv, "fdiv")
 
 
 def _compared(condition: str, otherwise: str) -> Any:

@@ -18,9 +18,10 @@ from tensegra.mechanics.inputs import (
     inputs_after_stage,
     stage_inputs,
 )
-from tensegra.mechanics.results import Equilibrium, EquilibriumPath, Status
+from tensegra.mechanics.results import Equilibrium, EquilibriumPath
 from tensegra.mechanics.stability import free_mechanisms
 from tensegra.mechanics.start import first_stage
+from tensegra.mechanics.status import Status
 from tensegra.mechanics.stepped import run_stepped
 from tensegra.mechanics.tangent import Tangent
 from tensegra.mechanics.trace import trace_branch

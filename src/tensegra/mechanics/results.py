@@ -1,13 +1,13 @@
-"""What an analysis returns: statuses that are sentences, equilibria that carry their proof."""
+"""What an analysis returns: equilibria that carry their proof, paths that tell what happened."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum
-from typing import Any, Self
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from tensegra.errors import ModelError, SolverError
+from tensegra.errors import SolverError
 from tensegra.mechanics.arrays import AXES, BoolArray, FloatArray
 from tensegra.mechanics.derivatives import (
     Derivative,
@@ -18,86 +18,20 @@ from tensegra.mechanics.derivatives import (
     settle_tangent,
 )
 from tensegra.mechanics.equilibrium import Load
+from tensegra.mechanics.status import (
+    CriticalPoint,
+    PathPoint,
+    SlackEvent,
+    Status,
+    axis_index,
+    index_of,
+    names_in,
+)
 from tensegra.mechanics.tangent import Tangent
 from tensegra.structure import Structure
 
-
-class Status(StrEnum):
-    """What is known of a result."""
-
-    STABLE = "stable"
-    """Reached along a continuous path of stable equilibria."""
-    SNAPPED = "snapped"
-    """Stable, but the path left its branch at least once; where and how far is told."""
-    COLLAPSED = "collapsed"
-    """The prestress is lost: K is singular and the position is not unique."""
-    UNSTABLE = "unstable"
-    """An equilibrium that does not stand: K has a negative eigenvalue."""
-    FAILED = "failed"
-    """No equilibrium was found; no number is reported."""
-
-
-SEVERITY = (Status.STABLE, Status.SNAPPED, Status.UNSTABLE, Status.COLLAPSED, Status.FAILED)
-"""From the best to the worst."""
-
-
-@dataclass(frozen=True)
-class CriticalPoint:
-    """Where a path lost its stability, and what became of it.
-
-    Attributes
-    ----------
-    stage
-        Name of the stage.
-    parameter
-        Path parameter λ in [0, 1] within the stage.
-    kind
-        ``limit point``, ``bifurcation``, ``slack`` (a cable went slack and took the stiffness with
-        it), ``collapse`` (the last prestress went) or ``unstable start``.
-    lowest_eigenvalue
-        Of K at the last stable point before it.
-    moved_nodes
-        Nodes that the critical mode moves most.
-    snap
-        Largest displacement of a node in the jump that followed, 0 where the path stopped.
-    energy_released
-        Fall of the potential energy in that jump.
-    """
-
-    stage: str
-    parameter: float
-    kind: str
-    lowest_eigenvalue: float
-    moved_nodes: tuple[str, ...]
-    snap: float = 0.0
-    energy_released: float = 0.0
-
-    def __str__(self) -> str:
-        text = f"{self.kind} at {100 * self.parameter:.4g} % of stage '{self.stage}'"
-        if self.snap > 0.0:
-            text += f", snap of {self.snap:.4g}"
-        return text
-
-
-@dataclass(frozen=True)
-class SlackEvent:
-    """A cable that went slack, or came taut again, along a stage."""
-
-    stage: str
-    parameter: float
-    member: str
-    becomes: str
-
-
-@dataclass(frozen=True, eq=False)
-class PathPoint:
-    """One accepted step: the state at a value of the path parameter."""
-
-    stage: str
-    parameter: float
-    nodes: FloatArray
-    tensions: FloatArray
-    iterations: int
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +101,24 @@ class Equilibrium:
         return float(self.tensions[index_of(self.structure.members, member, "member")])
 
     @property
+    def utilisation(self) -> dict[str, float]:
+        """Force of each member as a share of what it may carry.
+
+        For a strut with a section inertia I, compression over Euler's load π² E I/l₀² of a bar
+        hinged at both ends; for a member with a strength, tension over it. One is the limit. Members
+        with neither are left out.
+        """
+        shares = {}
+        for (name, member), force in zip(self.structure.members.items(), self.tensions, strict=True):
+            if member.section_inertia is not None and member.material is not None:
+                modulus = self.structure.materials[member.material].youngs_modulus
+                euler = np.pi**2 * modulus * member.section_inertia / member.rest_length**2
+                shares[name] = max(0.0, -float(force)) / euler
+            if member.strength is not None:
+                shares[name] = max(shares.get(name, 0.0), abs(float(force)) / member.strength)
+        return shares
+
+    @property
     def slack_members(self) -> tuple[str, ...]:
         """Names of the slack cables."""
         return tuple(np.array(list(self.structure.members), dtype=object)[self.slack])
@@ -190,6 +142,7 @@ class Equilibrium:
             "steps": self.steps,
             "iterations": self.iterations,
             "mechanisms": [list(nodes) for nodes in self.mechanisms],
+            "utilisation": {} if failed else self.utilisation,
         }
 
 
@@ -293,6 +246,71 @@ class EquilibriumPath:
         self.final.raise_for_status()
         return self
 
+    def plot(self) -> Any:  # noqa: ANN401 - a matplotlib Figure, which mechanics does not import
+        """Draw the structure at the end of its stages and at its last equilibrium.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Shown by a notebook as it is; ``.savefig(path)`` writes it.
+        """
+        # Plotting is the report's affair, which stands after mechanics: bound when it is called.
+        figures = import_module("tensegra.report.figures.structure")
+        return figures.shape_figure(self.structure, self.stages[-1].nodes, {"end of path": self.final.nodes})
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return every accepted step as a row.
+
+        Columns are ``stage``, ``parameter`` and ``iterations``, then ``<node>.x|y|z`` in the unit of
+        length and ``T.<member>`` in the unit of force.
+        """
+        import pandas as pd
+
+        columns: dict[str, Any] = {
+            "stage": [point.stage for point in self.history],
+            "parameter": [point.parameter for point in self.history],
+            "iterations": [point.iterations for point in self.history],
+        }
+        nodes = np.array([point.nodes.ravel() for point in self.history])
+        names = [f"{node}.{axis}" for node in self.structure.nodes for axis in AXES]
+        columns |= dict(zip(names, nodes.T, strict=True))
+        tensions = np.array([point.tensions for point in self.history])
+        columns |= dict(zip((f"T.{member}" for member in self.structure.members), tensions.T, strict=True))
+        return pd.DataFrame(columns)
+
+    def to_xarray(self) -> Any:  # noqa: ANN401 - an xarray.Dataset; xarray is an extra
+        """Return every accepted step as an `xarray.Dataset` over (step, node, axis) and (step, member).
+
+        Raises
+        ------
+        ImportError
+            Where xarray is not installed (``pip install tensegra[xarray]``).
+        """
+        xarray = import_module("xarray")
+        units = self.structure.units
+        return xarray.Dataset(
+            {
+                "nodes": (
+                    ("step", "node", "axis"),
+                    np.array([point.nodes for point in self.history]),
+                    {"units": units.length},
+                ),
+                "tensions": (
+                    ("step", "member"),
+                    np.array([point.tensions for point in self.history]),
+                    {"units": units.force},
+                ),
+                "parameter": ("step", [point.parameter for point in self.history]),
+            },
+            coords={
+                "stage": ("step", [point.stage for point in self.history]),
+                "node": list(self.structure.nodes),
+                "axis": list(AXES),
+                "member": list(self.structure.members),
+            },
+            attrs={"structure": self.structure.name, "status": str(self.status)},
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON values, as `tensegra solve --json` prints them."""
         result: dict[str, Any] = {
@@ -334,39 +352,6 @@ class EquilibriumPath:
                 moved = dict(zip(self.structure.nodes, self.displacements.tolist(), strict=True))
             result["actuation"] = self.actuation.to_dict() | {"displacements": moved}
         return result
-
-
-def axis_index(axis: str) -> int:
-    """Return 0, 1 or 2 for x, y or z.
-
-    Raises
-    ------
-    ModelError
-        For any other axis.
-    """
-    if axis not in ("x", "y", "z"):
-        raise ModelError.at("axis", axis, "x, y or z")
-    return AXES.index(axis)
-
-
-def names_in(names: str | int | Sequence[str | int]) -> Sequence[str | int]:
-    """Return the names as a sequence: one alone is a sequence of itself."""
-    return [names] if isinstance(names, str | int) else names
-
-
-def index_of(names: Iterable[str], name: str | int, what: str) -> int:
-    """Return the place of a name among the ids of a structure's nodes or members.
-
-    Raises
-    ------
-    ModelError
-        Where it is none of them.
-    """
-    ids = list(names)
-    try:
-        return ids.index(str(name))
-    except ValueError:
-        raise ModelError.at(what, name, f"the id of a {what}", candidates=ids) from None
 
 
 def _finite(value: float) -> float | None:

@@ -8,7 +8,7 @@ eigenvalue) there is no path to follow, and Newton's method or a fall finds the 
 
 from tensegra.mechanics.equilibrium import ZERO_EIGENVALUE, newton, unbalanced
 from tensegra.mechanics.follow import StageFollower, StageRun, reference_tension
-from tensegra.mechanics.results import Status
+from tensegra.mechanics.status import Status
 
 NEAR_EQUILIBRIUM = 1e-2
 """A start within this share of the structure's size of an equilibrium is taken to mean it."""

@@ -15,7 +15,7 @@ from tensegra.mechanics.equilibrium import (
     unbalanced,
 )
 from tensegra.mechanics.follow import StageFollower, StageRun
-from tensegra.mechanics.results import PathPoint, Status
+from tensegra.mechanics.status import PathPoint, Status
 
 MAX_ITERATIONS = 100
 """Newton solves of one increment after which the plain procedure has not converged."""

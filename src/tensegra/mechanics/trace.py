@@ -12,7 +12,7 @@ import numpy as np
 from tensegra.mechanics.arrays import FloatArray
 from tensegra.mechanics.equilibrium import RESIDUAL_TOLERANCE, newton, unbalanced
 from tensegra.mechanics.follow import StageFollower, StageRun, most_moved
-from tensegra.mechanics.results import CriticalPoint, PathPoint, Status
+from tensegra.mechanics.status import CriticalPoint, PathPoint, Status
 
 LARGEST_ARC = 0.03
 """Longest step along the branch, as a share of the structure's size."""

@@ -6,7 +6,7 @@ import pytest
 
 from tensegra.errors import ModelError, SolverError
 from tensegra.mechanics import CriticalPoint, PathSettings, Status, solve_path
-from tensegra.mechanics.results import axis_index
+from tensegra.mechanics.status import axis_index
 from tensegra.structure import Member, Stage, Structure, library
 
 
