@@ -244,7 +244,7 @@ def solve_batch(
     >>> from tensegra.structure import library
     >>> runs = solve_batch(library.paper_beam(), actuation={"A14": [0.05, 0.1], "A23": [0.05, 0.1]})
     >>> runs.displacement("z", nodes=[18, 23]).round(2)
-    array([27.55, 53.15])
+    array([26.75, 53.15])
     """
     settings = settings or PathSettings()
     threads = threads or os.cpu_count() or 1
