@@ -24,7 +24,7 @@ from tensegra.mechanics.derivatives import (
     settle_tangent,
 )
 from tensegra.mechanics.equilibrium import Load
-from tensegra.mechanics.follow import PathSettings
+from tensegra.mechanics.follow import PathSettings, Policy, Procedure, path_settings
 from tensegra.mechanics.inputs import (
     Actuation,
     Inputs,
@@ -204,6 +204,8 @@ def solve_batch(
     youngs_modulus: Mapping[str, ArrayLike] | None = None,
     area: Mapping[str, ArrayLike] | None = None,
     rest_length: Mapping[str, ArrayLike] | None = None,
+    path: Procedure | None = None,
+    policy: Policy | None = None,
     threads: int | None = None,
     settings: PathSettings | None = None,
 ) -> Batch:
@@ -230,9 +232,12 @@ def solve_batch(
         By member: rest length before the stages.
     threads
         Threads to share the runs; one a core where left out. Results do not depend on it.
+    path
+        ``adaptive``, the default, or ``stepped``: all runs by the plain procedure of the source.
+    policy
+        What to do where a stable path ends: ``settle``, the default, ``stop`` or ``trace``.
     settings
-        How the runs are followed that leave the plain course; ``path="stepped"`` solves all of them
-        by the plain procedure of the source.
+        How the runs are followed that leave the plain course.
 
     Raises
     ------
@@ -246,7 +251,7 @@ def solve_batch(
     >>> runs.displacement("z", nodes=[18, 23]).round(2)
     array([26.75, 53.15])
     """
-    settings = settings or PathSettings()
+    settings = path_settings(settings, path, policy)
     threads = threads or os.cpu_count() or 1
     inputs = Actuation(*(_columns(group) for group in (actuation, temperature, loads, positions)))
     variants = Variants(*(_columns(group) for group in (youngs_modulus, area, rest_length)))

@@ -7,11 +7,12 @@ Where no step is small enough the stable branch has ended: the point is located,
 policy decides whether the path stops there or the structure settles into the equilibrium below.
 """
 
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
 
 import numpy as np
 
+from tensegra.errors import ModelError
 from tensegra.mechanics.arrays import BoolArray, FloatArray
 from tensegra.mechanics.equilibrium import (
     FLAT_TENSION,
@@ -30,6 +31,8 @@ from tensegra.mechanics.tangent import Tangent
 
 Policy = Literal["settle", "stop", "trace"]
 Procedure = Literal["adaptive", "stepped"]
+POLICIES: tuple[str, ...] = get_args(Policy)
+PROCEDURES: tuple[str, ...] = get_args(Procedure)
 
 SNAP = 1e-4
 """A fall that moves no node by this share of the structure's size has not left the branch."""
@@ -77,6 +80,23 @@ class PathSettings:
     max_steps: int = 20_000
     path: Procedure = "adaptive"
     increment: float = 0.01
+
+
+def path_settings(
+    settings: PathSettings | None, path: Procedure | None, policy: Policy | None
+) -> PathSettings:
+    """Return the settings with the procedure and the policy that a caller names apart from them.
+
+    Raises
+    ------
+    ModelError
+        For a procedure or a policy that there is not.
+    """
+    result = settings or PathSettings()
+    for what, value, known in (("path", path, PROCEDURES), ("policy", policy, POLICIES)):
+        if value is not None and value not in known:
+            raise ModelError.at(what, value, f"one of {', '.join(known)}", candidates=known)
+    return replace(result, path=path or result.path, policy=policy or result.policy)
 
 
 @dataclass(eq=False)

@@ -12,6 +12,8 @@ from tensegra.mechanics.arrays import FloatArray, IndexArray
 from tensegra.mechanics.lanes import choose, less, load, magnitude, root, store, zero
 
 njit = nb.njit(cache=True, error_model="numpy", nogil=True, boundscheck=False)
+njit_once = nb.njit(cache=True, error_model="numpy", nogil=True, boundscheck=False, inline="always")
+"""For parts of one kernel: compiled within it, not once more on their own."""
 
 PIVOT_ROUNDING = 1e-13
 """Pivots below this share of the largest EA/l₀ are rounding errors of a zero."""

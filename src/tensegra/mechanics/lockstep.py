@@ -11,7 +11,7 @@ Lanes do not exchange numbers, so a result depends neither on its neighbours nor
 
 import numpy as np
 
-from tensegra.mechanics.kernels import njit
+from tensegra.mechanics.kernels import njit, njit_once
 from tensegra.mechanics.lanes import WIDTH
 from tensegra.mechanics.tick import (
     ACCEPT,
@@ -146,7 +146,7 @@ def follow_runs(topology, runs, outcome, lanes, first, last, first_step, smalles
                     closing[lane], corrections[lane] = False, 0
 
 
-@njit
+@njit_once
 def _enter(topology, runs, lanes, lane, r):
     """Put a run at its start into a lane."""
     start, stiffness = row_of(runs.start, r), row_of(runs.stiffness, r)
@@ -177,7 +177,7 @@ def _enter(topology, runs, lanes, lane, r):
     lanes.parameter[0, lane] = 0.0
 
 
-@njit
+@njit_once
 def _leave(lanes, outcome, lane, r):
     """Take a finished run out of its lane."""
     for i in range(lanes.x.shape[0]):
@@ -187,7 +187,7 @@ def _leave(lanes, outcome, lane, r):
     outcome.residual[r] = lanes.residual[0, lane]
 
 
-@njit
+@njit_once
 def _keep(lanes, lane):
     """Keep the accepted point of a lane to predict from; return the largest speed of a coordinate."""
     speed = 0.0
@@ -199,7 +199,7 @@ def _keep(lanes, lane):
     return speed
 
 
-@njit
+@njit_once
 def _predict(lanes, lane, base, target):
     """Put a lane at its prediction for λ = `target`, to second order from the point kept at `base`."""
     h = target - base

@@ -1,6 +1,10 @@
 """The way from stage inputs of many runs to `follow_runs` on several threads."""
 
+import logging
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from threading import Timer
 
 import numpy as np
 
@@ -11,8 +15,13 @@ from tensegra.mechanics.lockstep import follow_runs
 from tensegra.mechanics.lockstep_data import Outcome, Runs, lanes_for, topology_of
 from tensegra.mechanics.pattern import Pattern
 
+_logger = logging.getLogger("tensegra")
+
 LONGEST_STEP, SHORTEST_STEP = 0.5, 0.02
 """First step of a stage, and the step below which a run is given back to be followed alone."""
+
+COMPILING_AFTER = 2.0
+"""Seconds after which a first call is not loading kernels from disk but compiling them."""
 
 LARGEST_MOVE = 0.15
 """Largest move of a coordinate in one step, as a share of the structure's size."""
@@ -100,15 +109,33 @@ class LockstepSolver:
             lanes = lanes_for(arrays, pattern, rest_length.shape[2] - 1)
             follow_runs(
                 self.topology, runs, outcome, lanes, int(borders[i]), int(borders[i + 1]),
-                LONGEST_STEP, SHORTEST_STEP, LARGEST_MOVE * arrays.size,
+                _logger = logging.getLogger("tensegra")
+
+LONGEST_STEP, SHORTEST_STEP, LARGEST_MOVE * arrays.size,
             )  # fmt: skip
 
-        if len(borders) == 2:
-            follow_part(0)
-        else:
-            with ThreadPoolExecutor(len(borders) - 1) as pool:
-                list(pool.map(follow_part, range(len(borders) - 1)))
+        with _told_while_compiling():
+            if len(borders) == 2:
+                follow_part(0)
+            else:
+                with ThreadPoolExecutor(len(borders) - 1) as pool:
+                    list(pool.map(follow_part, range(len(borders) - 1)))
         return outcome
+
+
+@contextmanager
+def _told_while_compiling() -> Iterator[None]:
+    """Say so when the first call takes long: it compiles, once, unless the kernels are on disk."""
+    if follow_runs.signatures:
+        yield
+        return
+    notice = Timer(COMPILING_AFTER, _logger.warning, ["compiling the batch kernels, once for this machine"])
+    notice.daemon = True
+    notice.start()
+    try:
+        yield
+    finally:
+        notice.cancel()
 
 
 def _rows(values: FloatArray, width: int) -> FloatArray:

@@ -8,7 +8,15 @@ import numpy as np
 from tensegra.mechanics.arrays import FloatArray, StructureArrays, structure_arrays
 from tensegra.mechanics.derivatives import Given
 from tensegra.mechanics.equilibrium import Load, unbalanced
-from tensegra.mechanics.follow import PathSettings, StageFollower, StageRun, reference_tension
+from tensegra.mechanics.follow import (
+    PathSettings,
+    Policy,
+    Procedure,
+    StageFollower,
+    StageRun,
+    path_settings,
+    reference_tension,
+)
 from tensegra.mechanics.inputs import (
     Actuation,
     Inputs,
@@ -65,6 +73,8 @@ def solve_path(
     *,
     loads: Mapping[tuple[str, str], float] | None = None,
     positions: Mapping[tuple[str, str], float] | None = None,
+    path: Procedure | None = None,
+    policy: Policy | None = None,
     settle_start: bool = False,
     settings: PathSettings | None = None,
 ) -> EquilibriumPath:
@@ -82,10 +92,14 @@ def solve_path(
         Forces added to those of the last stage, by (node, axis).
     positions
         Shift of a supported coordinate, by (node, axis).
+    path
+        ``adaptive``, the default, or ``stepped``: the plain procedure of the source.
+    policy
+        What to do where the stable path ends: ``settle``, the default, ``stop`` or ``trace``.
     settle_start
         Let a start that is an unstable equilibrium fall before the history goes on.
     settings
-        How the path is followed.
+        How the path is followed in detail.
 
     Returns
     -------
@@ -104,7 +118,8 @@ def solve_path(
     >>> str(path.status), round(path.displacement("z", nodes=[18, 23]), 2)
     ('stable', 53.15)
     """
-    prepared = prepare(structure, settle_start=settle_start, settings=settings)
+    chosen = path_settings(settings, path, policy)
+    prepared = prepare(structure, settle_start=settle_start, settings=chosen)
     run = Actuation(actuation or {}, temperature or {}, loads or {}, positions or {})
     return actuate(prepared, run)
 

@@ -8,7 +8,7 @@ of a segment, a dot the derivative by the path parameter λ.
 import numpy as np
 
 from tensegra.mechanics import kernels
-from tensegra.mechanics.kernels import njit
+from tensegra.mechanics.kernels import njit, njit_once
 from tensegra.mechanics.lanes import WIDTH, choose, load, magnitude, maximum, root, store, zero
 
 CORRECT, ACCEPT, CLOSE, FINISH, CUT, IDLE = range(6)
@@ -24,7 +24,7 @@ def row_of(array, r):
     return array[r if array.shape[0] > 1 else 0]
 
 
-@njit
+@njit_once
 def tick(topology, lanes, place):
     """Measure, assemble and factorise all lanes; leave p − f in `rhs` and its relative size."""
     parameter = load(lanes.parameter, 0)
@@ -84,7 +84,7 @@ def _solve(topology, lanes, vector):
     kernels.solve(topology.column_start, topology.row, lanes.blocks, lanes.pivot_inverse, vector)
 
 
-@njit
+@njit_once
 def correct(topology, lanes, action):
     """Apply the correction to the lanes that want one, with the tensions that it predicts."""
     for lane in range(WIDTH):
@@ -117,7 +117,7 @@ def correct(topology, lanes, action):
         store(lanes.stress, e, choose(active, predicted, load(lanes.stress, e)))
 
 
-@njit
+@njit_once
 def differentiate(topology, lanes, action):
     """Differentiate accepted points by λ, twice: K ẋ = −∂r/∂λ and K ẍ = −D²r[(ẋ, 1), (ẋ, 1)]."""
     for lane in range(WIDTH):
@@ -167,7 +167,7 @@ def differentiate(topology, lanes, action):
         store(lanes.tension_bend, e, choose(active, bend, load(lanes.tension_bend, e)))
 
 
-@njit
+@njit_once
 def _curvature(topology, lanes):
     """Leave D²r along (ẋ, 1) in `push`, with ẋ in `motion`, and the part of T̈ without ẍ in `pull`.
 
@@ -218,7 +218,7 @@ def _curvature(topology, lanes):
                 store(lanes.push, j + c, load(lanes.push, j + c) + value)
 
 
-@njit
+@njit_once
 def certify(topology, runs, outcome, lanes, run, action):
     """Compute the lowest eigenvalue and the derivatives of the lanes that finish, with their last factor."""
     if runs.modes.shape[0] > 0:
@@ -263,7 +263,7 @@ def certify(topology, runs, outcome, lanes, run, action):
                     outcome.tensions_by[run[lane], q, e] = rate
 
 
-@njit
+@njit_once
 def _softest(topology, modes, lanes):
     """Iterate three vectors with K⁻¹; leave the 3 × 3 matrix Xᵀ K⁻¹ X of the last in `measure_of`."""
     n = lanes.second.shape[0]
