@@ -66,7 +66,10 @@ class Attempt:
     iterations
         Newton solves.
     flat
-        Whether descent ended where the position is not unique: K is singular, not negative.
+        Whether descent ended where nothing carries force any more.
+    neutral
+        Whether it ended in an equilibrium that rounding cannot tell from a neutral one: K is
+        singular, not negative.
     """
 
     nodes: FloatArray
@@ -74,6 +77,7 @@ class Attempt:
     residual: float
     iterations: int
     flat: bool = False
+    neutral: bool = False
 
 
 def unbalanced(
@@ -240,7 +244,7 @@ def descend(
                 return _polished(tangent, x, load, out, residual, iteration)
             spectrum = tangent.spectrum(1)
             if spectrum.values[0] > -ZERO_EIGENVALUE * tangent.stiffness_scale:
-                return Attempt(x, converged=True, residual=residual, iterations=iteration, flat=True)
+                return Attempt(x, converged=True, residual=residual, iterations=iteration, neutral=True)
             push = out + _downhill(tangent, out, spectrum)
         step, shift = _bounded_step(tangent, push, shift, largest_move)
         trial = x + step

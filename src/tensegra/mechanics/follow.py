@@ -43,6 +43,9 @@ STILL_STIFF = 0.02
 ALONG_MODE = 1e-4
 """Share of a change of the loads along the critical mode from which on it is a fold."""
 
+FARTHEST_FALL = 0.02
+"""Increment beyond a critical point within which a structure that falls has to find a stable place."""
+
 PRESTRESS_GONE = 1e-3
 """Where the branch ends with less than this share of the reference tension left, it is a collapse."""
 
@@ -367,16 +370,21 @@ class StageFollower:
             ahead = self.settings.first_step  # nothing to fall from: let the inputs take hold first
         parameter = min(1.0, run.parameter + ahead)
         fallen = self.fall(run, before, parameter)
-        if fallen.flat:
+        while fallen.neutral and ahead < FARTHEST_FALL:
+            # Just beyond a critical point K is not told from a singular one: fall farther on.
+            ahead *= 10.0
+            parameter = min(1.0, run.parameter + ahead)
+            fallen = self.fall(run, before, parameter)
+        if fallen.flat or fallen.neutral:
             # Nothing carries force here. What follows may tighten the structure again.
             kind, parameter = "collapse", 1.0
             fallen = self.fall(run, fallen.nodes, parameter)
         self._note_events(run, taut, self.tangent.taut)
-        if fallen.flat or not fallen.converged:
+        if fallen.flat or fallen.neutral or not fallen.converged:
             self._note_critical(run, kind)
             where = run.critical_points[-1]
             run.nodes, run.parameter = fallen.nodes, 1.0
-            if fallen.flat:
+            if fallen.converged:
                 run.end(Status.COLLAPSED, f"prestress lost: {where}")
             else:
                 run.end(Status.FAILED, f"the fall beyond {where} found no equilibrium")
@@ -385,6 +393,9 @@ class StageFollower:
         if snap > SNAP * self.arrays.size:
             self._note_critical(run, kind, after=fallen.nodes)
             run.end(Status.SNAPPED, "; ".join(str(point) for point in run.critical_points))
+        elif kind == "bifurcation":
+            # The path forks without a jump: it stays a continuous path of stable equilibria.
+            self._note_critical(run, kind)
         run.nodes, run.parameter = fallen.nodes, parameter
         newton(self.tangent, run.nodes, self.load_at(parameter), max_iterations=4)
         return True

@@ -109,9 +109,7 @@ class LockstepSolver:
             lanes = lanes_for(arrays, pattern, rest_length.shape[2] - 1)
             follow_runs(
                 self.topology, runs, outcome, lanes, int(borders[i]), int(borders[i + 1]),
-                _logger = logging.getLogger("tensegra")
-
-LONGEST_STEP, SHORTEST_STEP, LARGEST_MOVE * arrays.size,
+                LONGEST_STEP, SHORTEST_STEP, LARGEST_MOVE * arrays.size,
             )  # fmt: skip
 
         with _told_while_compiling():

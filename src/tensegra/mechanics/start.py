@@ -72,6 +72,6 @@ def _fall_into_place(follower: StageFollower, run: StageRun) -> StageRun:
     if not attempt.converged:
         run.outcome = Status.FAILED
         run.reason = f"no equilibrium found from the given coordinates: residual {attempt.residual:.3g}"
-    elif attempt.flat:
+    elif attempt.flat or attempt.neutral:
         run.end(Status.COLLAPSED, "the structure does not stand: nothing holds it in its position")
     return run

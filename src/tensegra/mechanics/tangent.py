@@ -10,6 +10,7 @@ import numpy as np
 
 from tensegra.mechanics import kernels
 from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray, StructureArrays
+from tensegra.mechanics.lanes import WIDTH
 from tensegra.mechanics.pattern import Pattern, build_pattern, dense_matrix
 
 LARGEST_DENSE = 400
@@ -286,12 +287,19 @@ class Tangent:
 
     def _solve_filled(self, rhs: FloatArray) -> FloatArray:
         """Solve with the filled part A alone; `rhs` has shape ``(n,)`` or ``(n, n_columns)``."""
-        columns = np.array(np.atleast_2d(rhs.T), order="C")
-        for column in columns:
-            kernels.solve(
-                self.pattern.column_start, self.pattern.row, self._blocks, self._pivot_inverse, column
-            )
-        return columns.T.reshape(rhs.shape)
+        factor = (self.pattern.column_start, self.pattern.row, self._blocks, self._pivot_inverse)
+        if rhs.ndim == 1:
+            solution = rhs.copy()
+            kernels.solve(*factor, solution)
+            return solution
+        solved = np.empty_like(rhs)
+        for first in range(0, rhs.shape[1], WIDTH):
+            some = rhs[:, first : first + WIDTH]
+            columns = np.zeros((len(rhs), WIDTH))
+            columns[:, : some.shape[1]] = some
+            kernels.solve(*factor, columns)
+            solved[:, first : first + WIDTH] = columns[:, : some.shape[1]]
+        return solved
 
     def _low_rank_columns(self) -> tuple[FloatArray, FloatArray]:
         """Return B over the elimination order, ``(3 n_blocks, n_taut)``, and k of its taut columns."""
