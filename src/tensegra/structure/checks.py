@@ -143,9 +143,11 @@ def _actuators(structure: "Structure") -> Iterator[Problem]:
         if not actuator.members:
             yield Problem((*place, "members"), [], "at least one member")
         yield from _known((*place, "members"), actuator.members, structure.members, "the id of a member")
+        earlier: set[str] = set()
         for index, member in enumerate(actuator.members):
-            if member in actuator.members[:index]:
+            if member in earlier:
                 yield Problem((*place, "members", index), member, "each member once")
+            earlier.add(member)
         if actuator.effect not in effects:
             yield Problem((*place, "effect"), actuator.effect, "'shorten' or 'lengthen'", effects)
 

@@ -23,7 +23,9 @@ def store(instance: object, **values: object) -> None:
 
 
 def number(value: Any) -> Any:  # noqa: ANN401 — anything comes in, and goes out if it is no number
-    """Return a real number as a float."""
+    """Return a real number as a float; None, for a number that is left out, stays None."""
+    if value is None or type(value) is float:
+        return value
     return as_float(value) if is_number(value) else value
 
 
@@ -36,11 +38,13 @@ def vector(value: Any) -> Any:  # noqa: ANN401 — idem
 
 def is_id(value: object) -> bool:
     """Tell whether `value` can name something: a text or a whole number."""
-    return not isinstance(value, bool) and isinstance(value, str | Integral)
+    return type(value) is str or (not isinstance(value, bool) and isinstance(value, str | Integral))
 
 
 def name_of(value: object) -> object:
     """Return an id as a text."""
+    if type(value) is str:
+        return value
     return str(value) if is_id(value) else value
 
 
@@ -66,7 +70,8 @@ def by_id(
     """
     formed: dict[object, object] = {}
     for key, item in items.items():
-        if name_of(key) in formed:
-            raise InvalidStructureError.of([Problem((place,), name_of(key), "each id once")])
-        formed[name_of(key)] = form(item)
+        name = name_of(key)
+        if name in formed:
+            raise InvalidStructureError.of([Problem((place,), name, "each id once")])
+        formed[name] = form(item)
     return FrozenMapping(formed)

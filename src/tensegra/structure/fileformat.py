@@ -169,7 +169,7 @@ def _assemble(content: dict[str, Any], *, needs_schema: bool) -> Structure:
 def _structure(content: "StructureSchema", units: Units) -> Structure:
     members = {}
     for name, member in content.members.items():
-        values = dict(member)
+        values = dict(vars(member))
         if member.rest_length is None:
             known = all(node in content.nodes for node in member.nodes)
             # An unknown node is refused before the rest length is looked at.

@@ -73,9 +73,16 @@ class Member:
     strength: float | None = None
 
     def __post_init__(self) -> None:
-        store(self, nodes=names(self.nodes), groups=names(self.groups))
-        for name in ("rest_length", "area", "stiffness", "section_inertia", "strength"):
-            store(self, **{name: number(getattr(self, name))})
+        store(
+            self,
+            nodes=names(self.nodes),
+            groups=names(self.groups),
+            rest_length=number(self.rest_length),
+            area=number(self.area),
+            stiffness=number(self.stiffness),
+            section_inertia=number(self.section_inertia),
+            strength=number(self.strength),
+        )
 
     @property
     def is_cable(self) -> bool:

@@ -34,6 +34,10 @@ def plain(value: object) -> dict[str, Any]:
     return copy
 
 
+# Most of what a file holds: no need to ask any further.
+_SCALARS = frozenset({str, int, float, bool, type(None)})
+
+
 class _Copier:
     def __init__(self, problems: list[Problem]) -> None:
         self._problems = problems
@@ -41,29 +45,32 @@ class _Copier:
         self._copies: dict[int, Any] = {}
 
     def copy(self, place: Place, value: Any) -> Any:  # noqa: ANN401
-        if isinstance(value, np.ndarray | np.generic):
-            return value.tolist()
-        if not isinstance(value, Mapping | list | tuple):
-            return value
+        is_list = isinstance(value, (list, tuple))
+        if not is_list and not isinstance(value, Mapping):
+            return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
         if id(value) not in self._copies:
-            if isinstance(value, Mapping):
+            if not is_list:
                 copied: dict[str, Any] = {}
                 self._copies[id(value)] = copied
                 self._fill(place, copied, value)
             else:
                 items: list[Any] = []
                 self._copies[id(value)] = items
-                items.extend(self.copy((*place, index), item) for index, item in enumerate(value))
+                items.extend(
+                    item if type(item) in _SCALARS else self.copy((*place, index), item)
+                    for index, item in enumerate(value)
+                )
         return self._copies[id(value)]
 
     def _fill(self, place: Place, copied: dict[str, Any], mapping: Mapping[Any, Any]) -> None:
         for key, item in mapping.items():
+            name = str(key)
             if not is_id(key):
                 self._problems.append(Problem(place, key, "a key that is a text or a whole number"))
-            elif str(key) in copied or item is REPEATED:
-                self._problems.append(Problem(place, str(key), "each key once"))
+            elif name in copied or item is REPEATED:
+                self._problems.append(Problem(place, name, "each key once"))
             else:
-                copied[str(key)] = self.copy((*place, str(key)), item)
+                copied[name] = item if type(item) in _SCALARS else self.copy((*place, name), item)
 
 
 def merged(target: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ possible structure is asked in `tensegra.structure.checks`.
 
 from typing import Annotated, Any, cast
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, ValidationInfo
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from tensegra.structure.coerce import is_id, name_of
@@ -27,6 +27,8 @@ def _units(info: ValidationInfo) -> Units:
 
 def _quantity(dimension: Dimension) -> BeforeValidator:
     def convert(value: object, info: ValidationInfo) -> float:
+        if type(value) is float:
+            return value
         try:
             return _units(info).number(value, dimension)
         except QuantityError as error:
@@ -91,7 +93,7 @@ class MemberSchema(_Schema):
     area: Area | None = None
     stiffness: Force | None = None
     rest_length: Length | None = None
-    groups: list[Identifier] = []
+    groups: list[Identifier] = Field(default_factory=list)
     section_inertia: Inertia | None = None
     strength: Force | None = None
 

@@ -1,8 +1,12 @@
+import sys
 from pathlib import Path
 
 import pytest
 
 from tensegra.structure import parse_structure
+
+# Helpers of these tests are modules beside them.
+sys.path.insert(0, str(Path(__file__).parent))
 
 TRIPOD = """\
 schema: tensegra/structure/1

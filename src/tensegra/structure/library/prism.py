@@ -1,9 +1,9 @@
 """Tensegrity prisms: n struts between two twisted regular polygons."""
 
-from math import cos, dist, inf, pi, sin
+from math import cos, dist, pi, sin
 
-from tensegra.errors import ModelError
 from tensegra.structure.coerce import Vector
+from tensegra.structure.library.stressed import require_count, require_positive, stressed_member
 from tensegra.structure.parts import Actuator, Kind, Member
 from tensegra.structure.structure import Structure
 from tensegra.units import Units
@@ -54,8 +54,8 @@ def prism(
     clustered
         Make the top polygon one closed loop ``loop`` over frictionless pulleys. The symmetry gives
         all its sides one tension, as the loop needs. The loop frees mechanisms that the prestress must
-        stiffen: with three struts it does; with four and equal radii, for one, it does not, and the
-        equilibrium is unstable.
+        stiffen: with three struts it does; with more it does so in flat prisms only. Four struts with
+        equal radii stand at a height of 0.7 radii, and not at one radius: an unstable equilibrium.
     units
         The unit system of all these numbers.
 
@@ -86,17 +86,16 @@ def prism(
     """
     n = n_struts
     top_radius = radius if top_radius is None else top_radius
-    if n < 3:
-        raise ModelError.at("prism: n_struts", n, "at least 3")
-    lengths = {"radius": radius, "top_radius": top_radius, "height": height}
-    forces = {
-        "prestress": prestress,
-        "strut_stiffness": strut_stiffness,
-        "cable_stiffness": cable_stiffness,
-    }
-    for name, value in {**lengths, **forces}.items():
-        if not 0.0 < value < inf:
-            raise ModelError.at(f"prism: {name}", value, "a finite number greater than 0")
+    require_count("prism", 3, n_struts=n)
+    require_positive(
+        "prism",
+        radius=radius,
+        top_radius=top_radius,
+        height=height,
+        prestress=prestress,
+        strut_stiffness=strut_stiffness,
+        cable_stiffness=cable_stiffness,
+    )
     # The side from b0 to b1 lies along x, so that y at b1 is what still has to be held.
     start = -pi / 2 - pi / n
     nodes = {
@@ -110,12 +109,8 @@ def prism(
     def member(kind: Kind, group: str, path: list[str], force_density: float) -> Member:
         side = dist(nodes[path[0]], nodes[path[1]])
         stiffness = cable_stiffness if kind == "cable" else strut_stiffness
-        stretch = 1.0 + force_density * side / stiffness
-        if stretch <= 0.0:
-            raise ModelError.at("prism: prestress", prestress, "less: the struts keep no length under it")
-        return Member(
-            kind, tuple(path), (len(path) - 1) * side / stretch, stiffness=stiffness, groups=(group,)
-        )
+        length = (len(path) - 1) * side
+        return stressed_member(kind, tuple(path), length, force_density * side, stiffness, group)
 
     bottom = {f"c{i}": member("cable", "bottom", [f"b{i}", f"b{(i + 1) % n}"], q_bottom) for i in range(n)}
     vertical = {f"v{i}": member("cable", "vertical", [f"b{i}", f"t{i}"], q) for i in range(n)}
