@@ -1,0 +1,275 @@
+"""Optimisation of an expression over a model's outputs, by any of several methods.
+
+The search runs on whatever model it is given, usually a surrogate; the optimum it finds is then solved again
+by the true model, and the difference is part of the result. A best value alone hides two things that a
+designer must know, so the result tells them too: how many starts agree, and whether they agree on *where*.
+The source paper's Eq. 12, |w|/(|v| + |w|), is 1 on a whole surface v = 0, so its starts agree on the value
+and nothing else.
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegra.analysis.model import Model, as_model
+from tensegra.analysis.optimum import Agreement, Optimum, Trace
+from tensegra.analysis.problem import FEASIBLE, Assessment, Problem, Recorder, Scales, state_problem
+from tensegra.analysis.uniqueness import equal_places
+from tensegra.errors import StudyError
+
+Array = NDArray[np.float64]
+
+METHODS = ("slsqp", "bfgs", "bayesian")
+
+# Two points have the same objective within this share of its spread, and the same place within this share of
+# the box (a smooth optimum is a thousandth of the box wide where its objective falls by a millionth).
+SAME_OBJECTIVE, SAME_PLACE = 1e-6, 1e-2
+
+
+def optimise(
+    model: object,
+    objective: str,
+    *,
+    bounds: Mapping[str, Sequence[float]] | None = None,
+    constraints: Sequence[str] = (),
+    maximise: bool = True,
+    method: str = "slsqp",
+    starts: int = 200,
+    evaluations: int = 40,
+    acquisition: str = "ucb",
+    xi: float | None = None,
+    seed: int = 0,
+    true_model: object | None = None,
+    name: str = "optimisation",
+    progress: Callable[[int, int], None] | None = None,
+) -> Optimum:
+    """Find the inputs in a box that make an expression largest or smallest.
+
+    Parameters
+    ----------
+    model
+        A `Model`, a surrogate or a study (the true model).
+    objective
+        An expression over outputs and variables, such as ``"abs(w) / (abs(v) + abs(w))"``.
+    bounds
+        By variable, [lower, upper]; the model's own box for the rest.
+    constraints
+        Comparisons such as ``"abs(v) <= 1"``.
+    maximise
+        Whether the largest value is wanted.
+    method
+        ``slsqp`` and ``bfgs`` (gradients, many starts), or ``bayesian`` (a Gaussian process, few
+        evaluations).
+    starts
+        Starts of the gradient methods, a Latin hypercube in the box.
+    evaluations, acquisition, xi
+        Of ``bayesian``: at most so many evaluations; ``ucb``, ``ei`` or ``mpi``; and its exploration
+        parameter ξ, unless given 0.01 for UCB (the source paper's) and MPI, 0 for EI.
+    seed
+        Of all random numbers.
+    true_model
+        Solves the optimum again; a study or a `Model`. Unless given, the optimum of a surrogate stays
+        unchecked.
+    name
+        Of the result.
+    progress
+        Called with (evaluations done, evaluations in all or 0 where nobody knows).
+
+    Raises
+    ------
+    StudyError
+        If the problem cannot be stated so, or the model fails at every start.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensegra.analysis import FunctionModel, optimise
+    >>> box = np.array([[0.0, 1.0], [0.0, 1.0]])
+    >>> bowl = FunctionModel(lambda X: ((X - 0.3) ** 2).sum(axis=1), ("a", "b"), ("y",), box)
+    >>> best = optimise(bowl, "y", constraints=["a >= b + 0.2"], maximise=False, starts=5)
+    >>> best.x.round(4), round(best.objective, 4)
+    (array([0.4, 0.2]), 0.02)
+    """
+    if method not in METHODS:
+        raise StudyError.at("optimisation.method", method, "one of " + ", ".join(METHODS), candidates=METHODS)
+    for place, count in (("starts", starts), ("evaluations", evaluations)):
+        if count < 1:
+            raise StudyError.at(f"optimisation.{place}", count, "at least 1")
+    problem = state_problem(
+        as_model(model), objective, bounds=bounds, constraints=constraints, maximise=maximise
+    )
+    recorder = Recorder(problem, progress, evaluations if method == "bayesian" else 0)
+    began = time.perf_counter()
+    if method == "bayesian":
+        from tensegra.analysis.bayesian import search
+
+        ends = search(problem, recorder, evaluations=evaluations, acquisition=acquisition, xi=xi, seed=seed)
+    else:
+        ends = _many_starts(problem, recorder, method, starts, seed)
+    seconds = time.perf_counter() - began
+    facts = {
+        "name": name,
+        "method": method,
+        "seed": seed,
+        "constraints": tuple(constraints),
+        "seconds": seconds,
+    }
+    optimum = _optimum(problem, recorder, ends, facts)
+    if true_model is None:
+        return optimum
+    return _solve_again(optimum, problem, ends.scales, as_model(true_model))
+
+
+@dataclass(frozen=True)
+class Ends:
+    """How the starts of a search ended (a method without starts has one), and its scales."""
+
+    scales: Scales
+    converged: NDArray[np.bool_]
+    reasons: tuple[str, ...]
+
+
+def _many_starts(problem: Problem, recorder: Recorder, method: str, starts: int, seed: int) -> Ends:
+    from scipy.stats import qmc
+
+    from tensegra.analysis import bfgs, slsqp
+    from tensegra.analysis.multistart import multistart
+
+    Z = qmc.LatinHypercube(problem.n_inputs, rng=np.random.default_rng(seed)).random(starts)
+    descend = {"slsqp": slsqp.descend, "bfgs": bfgs.descend}[method]
+    finishes, scales = multistart(problem, recorder, descend, Z)
+    return Ends(
+        scales,
+        np.array([finish.converged for finish in finishes]),
+        tuple(finish.reason for finish in finishes),
+    )
+
+
+def _optimum(problem: Problem, recorder: Recorder, ends: Ends, facts: Mapping[str, Any]) -> Optimum:
+    visited, start = recorder.all()
+    feasible = np.isfinite(visited.objective) & (problem.violation(visited.margins, ends.scales) <= FEASIBLE)
+    sign = 1.0 if problem.maximise else -1.0
+    merit = np.where(feasible, sign * visited.objective, -np.inf)
+    index = int(np.argmax(merit)) if feasible.any() else _least_violation(problem, visited, ends.scales)
+    best = np.maximum.accumulate(merit)
+    trace = Trace(
+        evaluation=np.arange(1, len(merit) + 1),
+        start=start,
+        x=visited.X,
+        outputs=visited.outputs,
+        objective=visited.objective,
+        feasible=feasible,
+        best=np.where(np.isfinite(best), sign * best, np.nan),
+    )
+    agreement = _agreement(problem, visited, merit, start, ends)
+    success, reason = _verdict(agreement, ends)
+    model, x = problem.model, visited.X[index]
+    std = model.uncertainty(x[None])
+    return Optimum(
+        **facts,
+        model=model.name,
+        formula=str(problem.objective),
+        maximise=problem.maximise,
+        input_names=model.input_names,
+        bounds=problem.bounds,
+        x=x,
+        inputs=_named(model.input_names, x),
+        objective=float(visited.objective[index]),
+        outputs=_named(model.output_names, visited.outputs[index]),
+        outputs_std=None if std is None else _named(model.output_names, std[0]),
+        margins=_least_by_text(problem, visited.margins[index]),
+        success=success,
+        reason=reason,
+        agreement=agreement,
+        trace=trace,
+        n_evaluations=len(merit),
+        units=dict(model.units),
+    )
+
+
+def _least_violation(problem: Problem, visited: Assessment, scales: Scales) -> int:
+    violation = problem.violation(visited.margins, scales)
+    return int(np.argmin(np.where(np.isfinite(visited.objective), violation, np.inf)))
+
+
+def _agreement(
+    problem: Problem, visited: Assessment, merit: Array, start: NDArray[np.intp], ends: Ends
+) -> Agreement:
+    """Compare what the starts reached, and where the best objective was met."""
+    if not np.isfinite(merit).any():
+        nowhere = np.full(problem.n_inputs, np.nan)
+        return Agreement(ends.converged.size, int(ends.converged.sum()), 0, nowhere, nowhere, unique=False)
+    same = merit >= merit.max() - SAME_OBJECTIVE * ends.scales.objective
+    where = visited.X[same]
+    index = int(np.argmax(merit))
+    tolerance = SAME_OBJECTIVE * ends.scales.objective
+    also = equal_places(problem, visited.X[index], float(visited.objective[index]), ends.scales, tolerance)
+    where = np.concatenate([where, also])
+    low, high = where.min(axis=0), where.max(axis=0)
+    width = problem.bounds[:, 1] - problem.bounds[:, 0]
+    unique = bool((high - low <= SAME_PLACE * width).all())
+    return Agreement(
+        ends.converged.size, int(ends.converged.sum()), np.unique(start[same]).size, low, high, unique
+    )
+
+
+def _verdict(agreement: Agreement, ends: Ends) -> tuple[bool, str]:
+    if agreement.n_best == 0:
+        missed = "no point that satisfies all constraints was found; the one that misses by least is given"
+        return False, missed
+    told = ends.reasons[0]
+    if agreement.n_starts > 1:
+        told = (
+            f"{agreement.n_best} of {agreement.n_starts} starts reached this objective, "
+            f"{agreement.n_converged} reported convergence"
+        )
+    if not agreement.unique:
+        told += "; it is met in different places, so the optimum is not unique"
+    return agreement.n_converged > 0 or agreement.n_best > 1, told
+
+
+def _solve_again(optimum: Optimum, problem: Problem, scales: Scales, truth: Model) -> Optimum:
+    """Solve the optimum by the true model and add the difference."""
+    if truth.input_names != problem.model.input_names:
+        raise StudyError.at(
+            "optimisation.true_model",
+            list(truth.input_names),
+            f"the inputs {list(problem.model.input_names)}",
+        )
+    own = state_problem(
+        truth,
+        optimum.formula,
+        bounds=dict(zip(truth.input_names, problem.bounds.tolist(), strict=True)),
+        constraints=optimum.constraints,
+        maximise=optimum.maximise,
+    )
+    found = truth.evaluate(optimum.x[None])
+    again = own.assess(optimum.x[None], found)
+    facts = vars(optimum) | {"true_status": str(found.status[0])}
+    if np.isfinite(again.objective[0]):
+        objective = float(again.objective[0])
+        facts |= {
+            "true_outputs": _named(truth.output_names, again.outputs[0]),
+            "true_objective": objective,
+            "true_margins": _least_by_text(own, again.margins[0]),
+            "true_feasible": bool(own.violation(again.margins, scales)[0] <= FEASIBLE),
+            "gap": objective - optimum.objective,
+        }
+    return Optimum(**facts)
+
+
+def _least_by_text(problem: Problem, margins: Array) -> dict[str, float]:
+    """Return the margin of each constraint as written: the least of the conditions that it was split into."""
+    least: dict[str, float] = {}
+    for constraint, margin in zip(problem.constraints, margins.tolist(), strict=True):
+        value = -abs(margin) if constraint.equality else margin
+        least[constraint.text] = min(value, least.get(constraint.text, np.inf))
+    return least
+
+
+def _named(names: Sequence[str], values: Array) -> dict[str, float]:
+    return dict(zip(names, values.tolist(), strict=True))

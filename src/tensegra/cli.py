@@ -1,0 +1,186 @@
+"""The command line: parse, call, exit code.
+
+Results go to stdout, everything else to stderr. The exit code is 0 where the work was done, 1 where a
+number could not be found (what was found is written all the same) and 2 where the input is wrong.
+"""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tensegra.errors import TensegraError
+
+__all__ = ["app", "main"]
+
+DONE, NUMERICAL_FAILURE, BAD_INPUT = 0, 1, 2
+
+app = typer.Typer(
+    name="tensegra",
+    help="Statics, uncertainty and optimisation of classical and clustered tensegrity structures.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+StructureArgument = Annotated[
+    str,
+    typer.Argument(metavar="STRUCTURE", help="A structure file, or library:NAME such as library:paper_beam."),
+]
+CampaignArgument = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="The folder of a campaign.")]
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run a command and leave with its exit code."""
+    try:
+        app(arguments)
+    except TensegraError as error:
+        _refuse(str(error))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        _refuse(f"{error.filename}: {reason}" if error.filename else reason)
+
+
+def _refuse(message: str) -> None:
+    sys.stderr.write(f"tensegra: error: {' '.join(message.split())}\n")
+    raise SystemExit(BAD_INPUT)
+
+
+@app.callback(invoke_without_command=True)
+def _root(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    if version:
+        import tensegra
+
+        typer.echo(f"tensegra {tensegra.__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def check(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="A structure or study file, or library:NAME.")],
+    as_json: Json = False,
+) -> None:
+    """Read a structure or a study, and tell what it is and whether it stands."""
+    from tensegra.report.check import check_structure, check_study
+    from tensegra.report.references import is_study_file, structure_from
+
+    if is_study_file(file):
+        from tensegra.study import read_study
+        from tensegra.terminal import show_study_check
+
+        show_study_check(check_study(read_study(file)), as_json=as_json)
+        return
+    from tensegra.terminal import show_structure_check
+
+    result = check_structure(structure_from(file))
+    show_structure_check(result, as_json=as_json)
+    raise typer.Exit(DONE if result.stands else NUMERICAL_FAILURE)
+
+
+@app.command()
+def solve(
+    structure: StructureArgument,
+    actuation: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--actuation", "-a", metavar="NAME=VALUE", help="Value of an actuator, such as A14=0.10."
+        ),
+    ] = None,
+    temperature: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--temperature",
+            "-t",
+            metavar="NAME=VALUE",
+            help="Temperature of a member or group, such as top=50.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write every step of the path to a Parquet file.")
+    ] = None,
+    settle_start: Annotated[
+        bool, typer.Option("--settle-start", help="Let a start that does not stand fall first.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Follow a structure through its stages and then along an actuation."""
+    from tensegra.mechanics import solve_path
+    from tensegra.report.references import parse_settings, structure_from
+    from tensegra.report.tables import write_history
+    from tensegra.terminal import show_path
+
+    path = solve_path(
+        structure_from(structure),
+        parse_settings(actuation or [], "-a"),
+        parse_settings(temperature or [], "-t"),
+        settle_start=settle_start,
+    )
+    if output is not None:
+        write_history(path, output)
+    show_path(path, as_json=as_json)
+    raise typer.Exit(DONE if path.final.succeeded else NUMERICAL_FAILURE)
+
+
+@app.command()
+def run(
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="A study file.")],
+    campaign: Annotated[
+        Path | None,
+        typer.Option(
+            "--campaign", "-o", help="Folder of the campaign; runs/ and the file's name if left out."
+        ),
+    ] = None,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Number of processes.")] = 2,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Tell what would be done, and do nothing.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Run a study, or what of it is still missing: campaign, surrogates and analyses."""
+    from tensegra.progress import progress
+    from tensegra.report.check import check_study
+    from tensegra.report.pipeline import carry_out
+    from tensegra.study import read_study
+    from tensegra.terminal import show_results, show_study_check
+
+    asked = read_study(study)
+    if dry_run:
+        show_study_check(check_study(asked), as_json=as_json)
+        return
+    folder = campaign if campaign is not None else Path("runs") / study.stem
+    with progress() as listener:
+        results = carry_out(asked, folder, workers=workers, listener=listener)
+    show_results(results, as_json=as_json)
+    raise typer.Exit(DONE if results.succeeded else NUMERICAL_FAILURE)
+
+
+@app.command()
+def status(campaign: CampaignArgument, as_json: Json = False) -> None:
+    """Tell how far a campaign is: done, failed, pending, reasons, rate, time left."""
+    from tensegra.study import open_campaign
+    from tensegra.terminal import show_state
+
+    show_state(open_campaign(campaign), as_json=as_json)
+
+
+@app.command()
+def report(
+    campaign: CampaignArgument,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The HTML file; report.html in the campaign if left out."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Write the report of a campaign, one HTML file with all its figures and tables."""
+    from tensegra.progress import progress
+    from tensegra.report.report import write_report
+    from tensegra.study import open_campaign
+    from tensegra.terminal import show_report
+
+    with progress() as listener:
+        written = write_report(open_campaign(campaign), output, listener=listener)
+    show_report(written, as_json=as_json)

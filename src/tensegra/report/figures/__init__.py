@@ -1,0 +1,28 @@
+"""The figures: each function takes results and returns a matplotlib figure; nothing is shown or kept."""
+
+from tensegra.report.figures.analysis import (
+    index_convergence,
+    index_figure,
+    propagation_figure,
+    search_figure,
+    visited_figure,
+)
+from tensegra.report.figures.structure import shape_figure, structure_figure
+from tensegra.report.figures.study import design_figure, output_figure, parity_figure, selection_figure
+from tensegra.report.figures.style import WIDTH, svg
+
+__all__ = [
+    "WIDTH",
+    "design_figure",
+    "index_convergence",
+    "index_figure",
+    "output_figure",
+    "parity_figure",
+    "propagation_figure",
+    "search_figure",
+    "selection_figure",
+    "shape_figure",
+    "structure_figure",
+    "svg",
+    "visited_figure",
+]

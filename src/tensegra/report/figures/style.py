@@ -1,0 +1,117 @@
+"""How all figures look: colours that colour-blind readers tell apart, sizes, and the way to SVG.
+
+Figures are made with matplotlib's objects alone; there is no pyplot, no window and no global state.
+"""
+
+from functools import wraps
+from io import BytesIO
+from typing import TYPE_CHECKING, Any, ParamSpec
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["COLOURS", "GREY", "STATUS_COLOURS", "figure", "grid", "legend_above", "styled", "svg"]
+
+P = ParamSpec("P")
+
+BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILION, PURPLE = (
+    "#000000",
+    "#E69F00",
+    "#56B4E9",
+    "#009E73",
+    "#F0E442",
+    "#0072B2",
+    "#D55E00",
+    "#CC79A7",
+)
+COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
+"""Okabe and Ito's palette (2008) without its yellow, which is too light for lines on white."""
+
+GREY = "#8c8c8c"
+
+STATUS_COLOURS = {
+    "stable": BLUE,
+    "snapped": GREEN,
+    "unstable": PURPLE,
+    "collapsed": VERMILION,
+    "failed": BLACK,
+}
+
+WIDTH = 7.4
+"""Inches; the report's column."""
+
+_STYLE: dict[str, Any] = {
+    "figure.constrained_layout.use": True,
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "axes.titlesize": 9.0,
+    "axes.labelsize": 8.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-3, 4),
+    "grid.color": "#e6e6e6",
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "lines.linewidth": 1.5,
+    "savefig.dpi": 160,
+    "svg.hashsalt": "tensegra",
+}
+
+
+def styled(make: "Callable[P, Figure]") -> "Callable[P, Figure]":
+    """Let a function make its figure in the report's style, whatever the user's own is."""
+
+    @wraps(make)
+    def in_style(*args: P.args, **kwargs: P.kwargs) -> "Figure":
+        from matplotlib import rc_context, rcParamsDefault
+
+        own: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if key not in _NOT_STYLE}
+        with rc_context(own | _STYLE):
+            return make(*args, **kwargs)
+
+    return in_style
+
+
+_NOT_STYLE = ("backend", "backend_fallback", "interactive", "toolbar", "timezone")
+"""What matplotlib counts among its defaults, and rightly warns of setting."""
+
+
+def figure(height: float, width: float = WIDTH) -> "Figure":
+    """Return an empty figure of a size in inches."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def grid(n_panels: int, columns: int = 3, height: float = 2.3) -> "tuple[Figure, list[Axes]]":
+    """Return a figure of equal panels in rows of at most `columns`."""
+    columns = min(columns, n_panels)
+    rows = -(-n_panels // columns)
+    made = figure(height * rows, WIDTH if columns > 1 else 0.6 * WIDTH)
+    axes = [made.add_subplot(rows, columns, i + 1) for i in range(n_panels)]
+    return made, axes
+
+
+def legend_above(made: "Figure", axes: "Axes", scale: float = 1.0) -> None:
+    """Put the legend of one panel above all of them, its dots `scale` times larger."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        columns = min(len(labels), 5)
+        made.legend(handles, labels, loc="outside upper center", ncols=columns, markerscale=scale)
+
+
+def svg(made: "Figure") -> bytes:
+    """Return a figure as SVG; the same figure gives the same bytes."""
+    from matplotlib import rc_context
+
+    buffer = BytesIO()
+    with rc_context({"svg.hashsalt": _STYLE["svg.hashsalt"], "savefig.dpi": _STYLE["savefig.dpi"]}):
+        made.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()

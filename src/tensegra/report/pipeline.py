@@ -1,0 +1,293 @@
+"""From a study to its results: campaign, surrogates, analyses, each only where it is missing."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from tensegra.errors import StudyError
+from tensegra.report.results import ANALYSES, SURROGATES, Index, Results, key_of, write_json
+from tensegra.report.study_tables import title_of
+from tensegra.study import AnalysisEntry, Campaign, Study, SurrogateEntry, TrainingData, design_points
+from tensegra.study.analyses import TRUTH
+
+if TYPE_CHECKING:
+    from tensegra.surrogate import Surrogate
+
+__all__ = ["Listener", "carry_out"]
+
+HELD_OUT = 0.2
+"""Share of the runs that a surrogate is measured on, where its entry says nothing."""
+
+PACKAGES = (
+    "tensegra",
+    "numpy",
+    "scipy",
+    "numba",
+    "jax",
+    "scikit-learn",
+    "hdbscan",
+    "SALib",
+    "pandas",
+    "pyarrow",
+)
+
+
+class Listener(Protocol):
+    """What is told of the progress of a long job."""
+
+    def __call__(self, task: str, done: int, total: int, note: str = "", /) -> None:
+        """Hear that `done` of `total` parts of a task are done; a `total` of 0 means that nobody knows."""
+
+
+def deaf(task: str, done: int, total: int, note: str = "", /) -> None:
+    """Do nothing with what is told."""
+
+
+def carry_out(
+    study: Study, folder: str | Path, *, workers: int = 2, listener: Listener = deaf, resume: bool = True
+) -> Results:
+    """Run a study's design, fit its surrogates and carry out its analyses, all in a folder.
+
+    What is there already, and was made from the same things, is kept.
+
+    Parameters
+    ----------
+    study
+        The study.
+    folder
+        The campaign's folder, created or resumed.
+    workers
+        Number of processes of the campaign.
+    listener
+        Told of the progress.
+    resume
+        Whether to keep surrogates and analyses that are there; runs are always kept.
+
+    Returns
+    -------
+    Results
+        Its `index.failures` say what could not be had.
+
+    Raises
+    ------
+    StudyError
+        If the study cannot be carried out as it is written, or the folder belongs to another one.
+    """
+    require_sound(study)
+    began = time.perf_counter()
+    # Compiled here once, and kept on the disk: each of the processes would do it for itself.
+    listener("kernels", 0, 1, "compiled once, which may take half a minute")
+    study.evaluate(design_points(study)[:1])
+    listener("kernels", 1, 1)
+    compiled = time.perf_counter()
+
+    def runs_done(done: int, total: int, failed: int) -> None:
+        listener("runs", done, total, f"{failed} failed" if failed else "")
+
+    campaign = study.run(folder, workers, progress=runs_done)
+    index = Index.read(campaign.folder) if resume else Index()
+    index.failures, index.workers = [], workers
+    index.seconds["campaign"] = time.perf_counter() - compiled
+    index.versions = {package: _version(package) for package in PACKAGES}
+    surrogates = _surrogates(campaign, index, listener)
+    _analyses(campaign, surrogates, index, listener)
+    index.finished = datetime.now(UTC).isoformat(timespec="seconds")
+    index.seconds["total"] = time.perf_counter() - began
+    index.write(campaign.folder)
+    return Results(campaign, index)
+
+
+def require_sound(study: Study) -> None:
+    """Refuse an objective, a constraint or an option that would only fail after the campaign.
+
+    Raises
+    ------
+    StudyError
+        With the place and the nearest right name.
+    """
+    from tensegra.analysis import parse_constraint, parse_expression
+    from tensegra.surrogate.fit import check_options
+
+    for name, surrogate in study.surrogates.items():
+        try:
+            check_options(surrogate.kind, surrogate.options)
+        except StudyError as error:
+            raise StudyError(f"surrogates.{name}: {error}") from None
+    names = (*study.input_names, *study.output_names)
+    for i, entry in enumerate(study.analyses):
+        if entry.optimisation is not None:
+            place = f"analyses[{i}].optimisation"
+            parse_expression(entry.optimisation.objective, names, place=f"{place}.objective")
+            for j, constraint in enumerate(entry.optimisation.constraints):
+                parse_constraint(constraint, names, place=f"{place}.constraints[{j}]")
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A surrogate and the key of all that it came from."""
+
+    surrogate: "Surrogate"
+    key: str
+
+
+def _surrogates(campaign: Campaign, index: Index, listener: Listener) -> dict[str, Fitted]:
+    """Fit the study's surrogates, or load those that are there."""
+    study = campaign.study
+    known, index.surrogates = index.surrogates, {}
+    if not study.surrogates:
+        return {}
+    try:
+        data = campaign.training_data()
+    except StudyError as error:
+        index.failures.append(str(error))
+        return {}
+    folder = campaign.folder / SURROGATES
+    folder.mkdir(exist_ok=True)
+    fitted: dict[str, Fitted] = {}
+    for done, (name, entry) in enumerate(study.surrogates.items()):
+        listener("surrogates", done, len(study.surrogates), name)
+        key = key_of("surrogate", entry.written(), study.seed, data.X.tolist(), data.Y.tolist())
+        if known.get(name, {}).get("key") == key and (folder / f"{name}.tg").is_file():
+            from tensegra.surrogate import load
+
+            surrogate = load(folder / f"{name}.tg")
+        else:
+            surrogate = _fit(data, entry, study.seed, folder / name)
+        fitted[name] = Fitted(surrogate, key)
+        index.surrogates[name] = {"key": key}
+    index.write(campaign.folder)
+    listener("surrogates", len(fitted), len(fitted))
+    return fitted
+
+
+def _fit(data: TrainingData, entry: SurrogateEntry, seed: int, stem: Path) -> "Surrogate":
+    """Fit a surrogate, keep the runs that it did not see, and save both."""
+    import pandas as pd
+
+    from tensegra.surrogate import fit
+
+    if entry.outputs is not None:
+        data = data.select_outputs(entry.outputs)
+    order = np.random.default_rng(seed).permutation(data.n_points)
+    n_held = entry.validation_size or round(HELD_OUT * data.n_points)
+    if n_held > data.n_points - 2:
+        raise StudyError.at(
+            f"surrogates.{stem.name}.validation_size", n_held, f"fewer than {data.n_points} runs"
+        )
+    held, rest = data.rows(np.sort(order[:n_held])), data.rows(np.sort(order[n_held:]))
+    surrogate = fit(
+        rest, entry.kind, training_size=entry.training_size, validation=held, seed=seed, **entry.options
+    )
+    columns = dict(zip(held.input_names, held.X.T, strict=True)) | dict(
+        zip(held.output_names, held.Y.T, strict=True)
+    )
+    predicted = surrogate.predict(held.X)
+    std = surrogate.predict(held.X, return_std=True)[1] if surrogate.has_std else None
+    for k, output in enumerate(held.output_names):
+        columns[f"{output}_predicted"] = predicted[:, k]
+        if std is not None:
+            columns[f"{output}_std"] = std[:, k]
+    pd.DataFrame(columns).to_parquet(stem.with_name(f"{stem.name}.parquet"), index=False)
+    surrogate.save(stem.with_name(f"{stem.name}.tg"))
+    return surrogate
+
+
+def _analyses(campaign: Campaign, surrogates: Mapping[str, Fitted], index: Index, listener: Listener) -> None:
+    """Carry out the study's analyses, or keep those that are there."""
+    study = campaign.study
+    known, index.analyses = index.analyses, []
+    for number, entry in enumerate(study.analyses):
+        asked = [name for name in (entry.value.model, getattr(entry.value, "compare_with", None)) if name]
+        missing = [name for name in asked if name not in surrogates and name != TRUTH]
+        if missing:
+            index.failures.append(f"analyses[{number}]: there is no surrogate {missing[0]!r} to ask")
+            continue
+        keys = [surrogates[name].key for name in asked if name in surrogates]
+        key = key_of(entry.kind, entry.written(), study.seed, study.fingerprint, keys)
+        there = [record for record in known if record["key"] == key and record["entry"] == number]
+        if there and all(
+            (campaign.folder / ANALYSES / f"{record['stem']}.json").is_file() for record in there
+        ):
+            index.analyses += there
+        else:
+            index.analyses += _analyse(campaign, number, entry, surrogates, key, listener)
+        index.write(campaign.folder)
+    index.failures += [
+        f"{record['name']} by {record['method']}: {record['failure']}"
+        for record in index.analyses
+        if record.get("failure")
+    ]
+
+
+def _analyse(
+    campaign: Campaign,
+    number: int,
+    entry: AnalysisEntry,
+    surrogates: Mapping[str, Fitted],
+    key: str,
+    listener: Listener,
+) -> list[dict[str, Any]]:
+    """Carry out one entry, save its results, and return their records."""
+    from tensegra.analysis import run_analyses
+
+    asked = replace(campaign.study, analyses=(entry,))
+    models = {name: fitted.surrogate for name, fitted in surrogates.items()}
+    began = time.perf_counter()
+    try:
+        results = run_analyses(asked, campaign, models, listener)
+    except StudyError as error:
+        raise StudyError(f"analyses[{number}]: {error}") from None
+    seconds = time.perf_counter() - began
+    records = []
+    for result in results:
+        method = str(getattr(result, "method", "")) if entry.kind == "optimisation" else ""
+        stem = "-".join(filter(None, (f"{number + 1:02d}", entry.kind, method)))
+        _save(result, campaign.folder / ANALYSES / stem)
+        record = {
+            "kind": entry.kind,
+            "name": title_of(entry, number),
+            "method": method,
+            "entry": number,
+            "stem": stem,
+            "key": key,
+            "seconds": getattr(result, "seconds", seconds),
+            "failure": "" if getattr(result, "success", True) else str(getattr(result, "reason", "failed")),
+        }
+        records.append(record)
+    return records
+
+
+def _save(result: Any, stem: Path) -> None:  # noqa: ANN401 - any result of an analysis
+    import pandas as pd
+
+    content = result.to_dict()
+    trace = content.pop("trace", None)
+    write_json(stem.with_name(f"{stem.name}.json"), content)
+    pd.DataFrame(result.table()).to_parquet(stem.with_name(f"{stem.name}.parquet"), index=False)
+    if trace is not None:
+        _trace_frame(result).to_parquet(stem.with_name(f"{stem.name}.trace.parquet"), index=False)
+
+
+def _trace_frame(result: Any) -> Any:  # noqa: ANN401 - an Optimum; a DataFrame
+    """Return every evaluation of a search as a row."""
+    import pandas as pd
+
+    trace = result.trace
+    columns = {"evaluation": trace.evaluation, "start": trace.start}
+    columns |= dict(zip(result.input_names, trace.x.T, strict=True))
+    columns |= dict(zip(result.outputs, trace.outputs.T, strict=True))
+    columns |= {"objective": trace.objective, "feasible": trace.feasible, "best": trace.best}
+    return pd.DataFrame(columns)
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "unknown"

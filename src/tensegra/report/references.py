@@ -1,0 +1,79 @@
+"""What a user types on the command line, made into structures, inputs and kinds of file."""
+
+import re
+from collections.abc import Sequence
+from math import isfinite
+from pathlib import Path
+
+from tensegra.errors import ModelError
+from tensegra.structure import Structure, library, read_structure
+
+__all__ = ["LIBRARY", "is_study_file", "parse_settings", "structure_from"]
+
+LIBRARY = "library:"
+"""Beginning of a reference to a built-in structure."""
+
+_STUDY = re.compile(r"""^\s*\{?\s*["']?schema["']?\s*:\s*["']?tensegra/study/""", re.MULTILINE)
+
+
+def structure_from(reference: str) -> Structure:
+    """Return the structure of a file, or the built-in one of ``library:<name>``.
+
+    Raises
+    ------
+    ModelError
+        There is none, or what the file describes cannot be.
+
+    Examples
+    --------
+    >>> structure_from("library:paper_beam").n_nodes
+    24
+    >>> structure_from("library:paper_beem")
+    Traceback (most recent call last):
+    tensegra.errors.ModelError: library: found 'paper_beem', ...; did you mean 'paper_beam'?
+    """
+    if not reference.startswith(LIBRARY):
+        return read_structure(reference)
+    name = reference.removeprefix(LIBRARY)
+    if name not in library.__all__:
+        raise ModelError.at("library", name, "a built-in structure", candidates=library.__all__)
+    structure: Structure = getattr(library, name)()
+    return structure
+
+
+def is_study_file(reference: str) -> bool:
+    """Tell whether a file says that it is a study; one that cannot be read does not."""
+    try:
+        text = Path(reference).read_text(encoding="utf-8-sig")
+    except (OSError, ValueError):
+        return False
+    return _STUDY.search(text) is not None
+
+
+def parse_settings(settings: Sequence[str], option: str) -> dict[str, float]:
+    """Return the values of ``name=value`` settings.
+
+    Raises
+    ------
+    ModelError
+        A setting is not of this form, its value is no finite number, or a name is set twice.
+
+    Examples
+    --------
+    >>> parse_settings(["A14=0.10", "A23=0.1"], "-a")
+    {'A14': 0.1, 'A23': 0.1}
+    """
+    values: dict[str, float] = {}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        name = name.strip()
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not equals or not name or not isfinite(value):
+            raise ModelError.at(option, setting, "a name and a finite number, such as 'A14=0.10'")
+        if name in values:
+            raise ModelError(f"{option}: {name!r} is set twice")
+        values[name] = value
+    return values

@@ -1,0 +1,136 @@
+"""The report of a campaign: one HTML file that needs nothing else."""
+
+from base64 import b64encode
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tensegra.errors import StudyError
+from tensegra.report.pipeline import Listener, deaf
+from tensegra.report.results import Results, open_results
+from tensegra.report.tables import Table
+from tensegra.study import Campaign
+
+__all__ = ["Figure", "Report", "Section", "build_report", "write_report"]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the report.
+
+    Attributes
+    ----------
+    number
+        Its number in the report.
+    title, text
+        What it shows, in few words and in more.
+    image
+        The picture, SVG.
+    share
+        Of the page's width, in percent.
+    """
+
+    number: int
+    title: str
+    text: str
+    image: bytes = field(repr=False)
+    share: int = 100
+
+    @property
+    def anchor(self) -> str:
+        """Its place in the page."""
+        return f"figure-{self.number}"
+
+    @property
+    def source(self) -> str:
+        """The picture as a link that holds it."""
+        return f"data:image/svg+xml;base64,{b64encode(self.image).decode()}"
+
+
+@dataclass
+class Section:
+    """A section of the report: paragraphs, then tables, then figures."""
+
+    title: str
+    anchor: str
+    paragraphs: list[str] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+    figures: list[Figure] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Report:
+    """The content of a report, ready for its template."""
+
+    title: str
+    description: str
+    sections: tuple[Section, ...]
+
+    def html(self) -> str:
+        """Return the page."""
+        from jinja2 import Environment, PackageLoader, StrictUndefined
+
+        environment = Environment(
+            loader=PackageLoader("tensegra.report", "."),
+            autoescape=True,
+            undefined=StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
+        )
+        return environment.get_template("report.html.j2").render(report=self)
+
+
+def write_report(campaign: Campaign, output: Path | None = None, *, listener: Listener = deaf) -> Path:
+    """Write the report of a campaign and return its file.
+
+    Parameters
+    ----------
+    campaign
+        Finished or not; the report has the sections for which there are results.
+    output
+        The file; ``report.html`` in the campaign's folder if left out.
+    listener
+        Told of the progress.
+
+    Raises
+    ------
+    StudyError
+        If the campaign has no runs yet, or the file cannot be written.
+    """
+    path = campaign.folder / "report.html" if output is None else output
+    draft = path.with_name(f".{path.name}.draft")
+    try:
+        # Tried first: a drawn report that cannot be written would be drawn in vain.
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft.touch()
+        draft.write_text(build_report(open_results(campaign), listener=listener).html(), encoding="utf-8")
+        draft.replace(path)
+    except OSError as error:
+        raise StudyError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()})") from None
+    finally:
+        with suppress(OSError):
+            draft.unlink()
+    return path
+
+
+def build_report(results: Results, *, listener: Listener = deaf) -> Report:
+    """Draw all figures of a campaign and gather its tables.
+
+    Raises
+    ------
+    StudyError
+        If there are no runs yet.
+    """
+    from tensegra.report.sections import Writer
+
+    study = results.campaign.study
+    frame = results.campaign.frame()
+    if frame.empty:
+        raise StudyError(f"{results.folder}: found no runs yet, expected some to report on")
+    writer = Writer(results, frame)
+    sections: list[Section] = []
+    for done, part in enumerate(writer.parts):
+        listener("report", done, len(writer.parts))
+        sections += part()
+    listener("report", len(writer.parts), len(writer.parts))
+    return Report(study.name, study.description, tuple(sections))

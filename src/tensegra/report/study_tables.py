@@ -1,0 +1,388 @@
+"""Tables of a study: what it varies and asks, how its runs came out, what its analyses found."""
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from math import floor, isfinite, log10
+from typing import TYPE_CHECKING, Any
+
+from tensegra.report.tables import Table, aligned, labelled, number
+from tensegra.study import AnalysisEntry, Campaign, CampaignState, Selection, Study
+
+if TYPE_CHECKING:
+    from tensegra.report.results import Results, StoredAnalysis
+
+__all__ = [
+    "agreement_table",
+    "analysis_table",
+    "grouped",
+    "optimum_table",
+    "outcome_table",
+    "output_table",
+    "propagation_table",
+    "provenance_table",
+    "reason_table",
+    "reasons_by_kind",
+    "result_tables",
+    "sensitivity_table",
+    "state_to_dict",
+    "surrogate_table",
+    "title_of",
+    "validation_table",
+    "variable_table",
+]
+
+STATISTICS = {
+    "mean": "Mean",
+    "std": "Std",
+    "min": "Min",
+    "max": "Max",
+    "q25": "25 %",
+    "q50": "50 %",
+    "q75": "75 %",
+}
+
+SMALL = 0.1
+
+MOST_REASONS = 12
+"""Kinds of reasons that a table lists."""
+
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])")
+
+METHODS = {"monte_carlo": "Monte Carlo", "quasi_monte_carlo": "randomised quasi-Monte Carlo"}
+
+
+def variable_table(study: Study) -> Table:
+    """List the variables, what each acts on, and its law."""
+    rows = [
+        (
+            labelled(variable.name, variable.unit),
+            f"{_words(variable.quantity)} {variable.target}",
+            law_in_words(variable.distribution),
+            f"{number(variable.distribution.box[0])} … {number(variable.distribution.box[1])}",
+        )
+        for variable in study.variables
+    ]
+    return Table.of("Variables", ("Name", "Acts on", "Law", "Box"), rows, "slls")
+
+
+def output_table(study: Study) -> Table:
+    """List the outputs."""
+    rows = []
+    for output in study.outputs:
+        where = f" of {', '.join(output.nodes)}" if output.nodes else ""
+        rows.append(
+            (labelled(output.name, output.unit), f"{_words(output.quantity)} {output.target}{where}".strip())
+        )
+    return Table.of("Outputs", ("Name", "Quantity"), rows, "sl")
+
+
+def surrogate_table(study: Study) -> Table:
+    """List the surrogates that the study wants."""
+    rows = [
+        (
+            name,
+            entry.kind,
+            ", ".join(entry.outputs or study.output_names),
+            ", ".join(f"{key} {value}" for key, value in entry.options.items()) or "as by default",
+        )
+        for name, entry in study.surrogates.items()
+    ]
+    return Table.of("Surrogates", ("Name", "Kind", "Outputs", "Options"), rows, "ssll")
+
+
+def analysis_table(study: Study) -> Table:
+    """List the questions that the study asks."""
+    rows = []
+    for i, entry in enumerate(study.analyses):
+        analysis = entry.value
+        model = analysis.model
+        if getattr(analysis, "compare_with", None):
+            model += f", {analysis.compare_with}"
+        if entry.kind == "optimisation":
+            what = f"{'greatest' if analysis.maximise else 'least'} {analysis.objective}"
+            what += f" by {', '.join(analysis.methods)}"
+        else:
+            what = f"{analysis.samples} samples"
+        rows.append((title_of(entry, i), entry.kind, model, what))
+    return Table.of("Analyses", ("Name", "Kind", "Model", "What"), rows, "lsll")
+
+
+def title_of(entry: AnalysisEntry, number: int) -> str:
+    """Return the name of an analysis, or its kind with its place among the analyses."""
+    return entry.value.name or f"{entry.kind.capitalize()} {number + 1}"
+
+
+def outcome_table(state: CampaignState) -> Table:
+    """Count the runs by status."""
+    total = max(state.n_done, 1)
+    rows = [(status, count, f"{100 * count / total:.2f} %") for status, count in state.statuses.items()]
+    if state.n_pending:
+        rows.append(("pending", state.n_pending, ""))
+    note = f"{1e3 * state.seconds_per_run:.3g} ms per run" if isfinite(state.seconds_per_run) else ""
+    return Table.of(
+        f"Outcome of {state.n_done} of {state.n_points} runs", ("Status", "Runs", "Share"), rows, "srr", note
+    )
+
+
+def reason_table(state: CampaignState) -> Table:
+    """Count the reasons of the runs that are not stable."""
+    kinds = reasons_by_kind(state)
+    note = f"and {len(kinds) - MOST_REASONS} rarer ones" if len(kinds) > MOST_REASONS else ""
+    rows = [(count, reason) for reason, count in list(kinds.items())[:MOST_REASONS]]
+    return Table.of("Reasons", ("Runs", "Reason"), rows, "rl", note)
+
+
+def reasons_by_kind(state: CampaignState) -> dict[str, int]:
+    """Count the reasons by what they have in common: their first clause, without its numbers.
+
+    Examples
+    --------
+    >>> state = CampaignState(2, 2, {}, {"collapse at 30 %; node 2": 1, "collapse at 7.5 %": 1}, 0.0)
+    >>> reasons_by_kind(state)
+    {'collapse at … %': 2}
+    """
+    kinds: Counter[str] = Counter()
+    for reason, count in state.reasons.items():
+        kinds[_NUMBER.sub("…", reason.partition(";")[0])] += count
+    return dict(kinds.most_common())
+
+
+def state_to_dict(campaign: Campaign, state: CampaignState) -> dict[str, Any]:
+    """Return a campaign's state as plain JSON values."""
+    return {
+        "study": campaign.study.name,
+        "folder": str(campaign.folder),
+        "n_points": state.n_points,
+        "n_done": state.n_done,
+        "n_failed": state.n_failed,
+        "n_pending": state.n_pending,
+        "statuses": state.statuses,
+        "reasons": reasons_by_kind(state),
+        "seconds_per_run": _finite(state.seconds_per_run),
+        "driver": state.driver,
+        "rate": _finite(state.rate),
+        "seconds_left": _finite(state.seconds_left),
+    }
+
+
+def validation_table(results: "Results") -> Table:
+    """List the errors of the surrogates on runs that they have not seen."""
+    rows: list[tuple[object, ...]] = []
+    for name, stored in results.surrogates.items():
+        surrogate = stored.surrogate
+        if surrogate.validation is None:
+            continue
+        for row, unit in zip(surrogate.validation.rows(), surrogate.output_units, strict=True):
+            coverage = row["coverage_90"]
+            rows.append(
+                (
+                    f"{name} ({surrogate.kind})",
+                    labelled(row["output"], unit),
+                    f"{number(100 * row['relative_error'], 2)} %",
+                    _near_one(row["r2"]),
+                    _near_one(row["r2_paper"]),
+                    number(row["max_abs_error"], 2),
+                    "" if coverage is None else f"{100 * coverage:.0f} %",
+                    surrogate.n_train,
+                    f"{surrogate.seconds:.1f}",
+                )
+            )
+    header = (
+        "Surrogate",
+        "Output",
+        "Error\n(Eq. 7)",
+        "1 − R²",
+        "1 − R²\n(Eq. 8)",
+        "Largest\nerror",
+        "In 90 %\ninterval",
+    )
+    note = ""
+    if rows:
+        held = {
+            stored.surrogate.validation.method
+            for stored in results.surrogates.values()
+            if stored.surrogate.validation
+        }
+        note = f"Measured on runs that the surrogates have not seen ({', '.join(sorted(held))}); "
+        note += "Eq. 7 is the mean relative error, Eq. 8 the paper's R²"
+    return Table.of("Errors of the surrogates", (*header, "Runs", "Time\n[s]"), rows, "ssrrrrrrr", note)
+
+
+def result_tables(results: "Results") -> list[Table]:
+    """Return the table of each analysis; the methods of one optimisation share a table."""
+    tables: list[Table] = []
+    for group in grouped(results.analyses):
+        if group[0].kind == "propagation":
+            tables.append(propagation_table(group[0]))
+        elif group[0].kind == "sensitivity":
+            tables.append(sensitivity_table(group[0]))
+        else:
+            tables.append(optimum_table(group))
+    return tables
+
+
+def grouped(analyses: "tuple[StoredAnalysis, ...]") -> "list[list[StoredAnalysis]]":
+    """Return the results of each entry of the study."""
+    groups: dict[int, list[StoredAnalysis]] = {}
+    for analysis in analyses:
+        groups.setdefault(analysis.entry, []).append(analysis)
+    return list(groups.values())
+
+
+def propagation_table(analysis: "StoredAnalysis") -> Table:
+    """List the paper's statistics (its Table 2), a row per output and model."""
+    content = analysis.content
+    models = [content, *([content["other"]] if content["other"] else [])]
+    rows = []
+    for output, summary in content["outputs"].items():
+        for model in models:
+            statistics = model["outputs"][output]["statistics"]
+            values = [_number(statistics[key]["value"]) for key in STATISTICS]
+            # A small number has zeros before its digits; the table is as wide as a terminal.
+            digits = 5 if max(map(abs, values)) >= SMALL else 4
+            rows.append((labelled(output, summary["unit"]), model["model"], *aligned(values, digits)))
+    note = f"{content['n_samples']} samples, {METHODS.get(content['method'], content['method'])}"
+    for model in models:
+        if model["n_failed"]:
+            note += f"; {model['n_failed']} runs of {model['model']} failed"
+        if model["n_outside"]:
+            note += f"; {model['n_outside']} outside the box of {model['model']}"
+    return Table.of(analysis.name, ("Output", "Model", *STATISTICS.values()), rows, "ss" + 7 * "r", note)
+
+
+def sensitivity_table(analysis: "StoredAnalysis") -> Table:
+    """List first-order and total indices with the half-widths of their intervals."""
+    content = analysis.content
+    rows = []
+    for output, found in content["indices"].items():
+        for i, variable in enumerate(content["input_names"]):
+            cells = [
+                " ± ".join(_three_decimals(found[key][i]) for key in (order, f"{order}_half"))
+                for order in ("first", "total")
+            ]
+            rows.append((output if i == 0 else "", variable, *cells))
+    note = f"{content['n_base']} base points, {content['n_runs']} runs of {content['model']}"
+    if content["share_dropped"]:
+        note += f"; {100 * content['share_dropped']:.2g} % of the blocks dropped for failed runs"
+    note += f"; ± is the half-width of the {100 * content['confidence']:.0f} % interval"
+    return Table.of(analysis.name, ("Output", "Variable", "First order", "Total"), rows, "ssrr", note)
+
+
+def optimum_table(analyses: "Sequence[StoredAnalysis]") -> Table:
+    """List the optima of the methods, and what the true model says of each."""
+    contents = [analysis.content for analysis in analyses]
+    first = contents[0]
+    units = first["units"]
+    rows: list[tuple[object, ...]] = [
+        (
+            labelled(name, units.get(name, "")),
+            *_on_bounds([content["inputs"][name] for content in contents], bounds),
+        )
+        for name, bounds in zip(first["input_names"], first["bounds"], strict=True)
+    ]
+    labels: list[tuple[str, list[float | None]]] = []
+    labels.append(("objective", [content["objective"] for content in contents]))
+    labels.append(("objective, true model", [content["true_objective"] for content in contents]))
+    for name in first["outputs"]:
+        text = labelled(name, units.get(name, ""))
+        labels.append((text, [content["outputs"][name] for content in contents]))
+        true = [(content["true_outputs"] or {}).get(name) for content in contents]
+        labels.append((f"{text}, true model", true))
+    rows += [(label, *map(number, values)) for label, values in labels]
+    rows.append(("status, true model", *(content["true_status"] or "" for content in contents)))
+    if first["constraints"]:
+        kept = {True: "hold", False: "do not hold", None: "–"}
+        rows.append(("constraints, true model", *(kept[content["true_feasible"]] for content in contents)))
+    rows.append(("evaluations", *(content["n_evaluations"] for content in contents)))
+    rows.append(("time [s]", *(f"{content['seconds']:.1f}" for content in contents)))
+    constraints = f" subject to {', '.join(first['constraints'])}" if first["constraints"] else ""
+    note = (
+        f"{'Greatest' if first['maximise'] else 'Least'} {first['formula']}{constraints} on {first['model']}"
+    )
+    methods = [content["method"] for content in contents]
+    return Table.of(analyses[0].name, ("", *methods), rows, "s" + len(methods) * "r", note)
+
+
+def agreement_table(selection: Selection) -> Table:
+    """Set the solver's status beside the groups that the outputs form."""
+    table = selection.table
+    rows = [
+        (str(status), *map(int, counts)) for status, counts in zip(table.index, table.to_numpy(), strict=True)
+    ]
+    header = (
+        "Status",
+        *(f"in {column}" if column != "no group" else "in no group" for column in table.columns),
+    )
+    return Table.of("Status and group", header, rows, "s" + "r" * len(table.columns))
+
+
+def provenance_table(results: "Results") -> Table:
+    """List fingerprints, seed, versions and times."""
+    study, index = results.campaign.study, results.index
+    rows: list[tuple[str, object]] = [
+        ("Structure", study.structure.fingerprint),
+        ("Study", study.fingerprint),
+        ("Seed", study.seed),
+        ("Finished", index.finished or "not yet"),
+    ]
+    if index.versions:
+        rows.append(("Versions", ", ".join(f"{name} {version}" for name, version in index.versions.items())))
+    times = [f"runs {index.seconds['campaign']:.1f}"] if "campaign" in index.seconds else []
+    times += [f"{stored.name}{by(stored)} {stored.seconds:.1f}" for stored in results.analyses]
+    if "total" in index.seconds:
+        times.append(f"in all, the last time, {index.seconds['total']:.1f} in {index.workers} processes")
+    rows.append(("Times [s]", "; ".join(times)))
+    rows += [("Could not be had", failure) for failure in index.failures]
+    return Table.of("Fingerprints, seed, versions, times", ("", ""), rows, "sl")
+
+
+def by(analysis: "StoredAnalysis") -> str:
+    """Return the method of a search as a suffix of its name."""
+    return f" by {analysis.content['method']}" if analysis.kind == "optimisation" else ""
+
+
+def law_in_words(law: Any) -> str:  # noqa: ANN401 - a Distribution
+    """Return a distribution as one writes it by hand.
+
+    Examples
+    --------
+    >>> from tensegra.study import as_distribution
+    >>> law_in_words(as_distribution({"uniform": [0.09, 0.10]}))
+    'uniform(low 0.09, high 0.1)'
+    """
+    parameters: Mapping[str, Any] = law.parameters.model_dump(exclude_defaults=True)
+    shown = [
+        f"{name} {number(value) if isinstance(value, float) else value}"
+        if not isinstance(value, tuple)
+        else f"{len(value)} {name}"
+        for name, value in parameters.items()
+    ]
+    return f"{law.kind}({', '.join(shown)})"
+
+
+def _three_decimals(value: float | None) -> str:
+    return number(value) if value is None else f"{round(value, 3) + 0.0:.3f}"
+
+
+def _on_bounds(values: list[float], bounds: Sequence[float]) -> list[str]:
+    """Return inputs to six digits of their box: what is rounding beside the box is zero."""
+    decimals = 6 - floor(log10(max(bounds[1] - bounds[0], 1e-300)))
+    return [number(round(value, decimals) + 0.0) for value in values]
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _near_one(value: float) -> str:
+    """Return the distance of R² from one, which tells more than a row of nines."""
+    return number(1.0 - value, 2)
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if isfinite(value) else None
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value

@@ -1,0 +1,325 @@
+"""Tables of results: what the terminal and the HTML report both show.
+
+A `Table` holds text only; numbers are rounded here, once, and every column that measures something
+names its unit.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import floor, isfinite, log10
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegra.errors import ModelError
+from tensegra.mechanics import Equilibrium, EquilibriumPath
+from tensegra.structure import Member, Structure
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tensegra.report.check import StructureCheck
+
+__all__ = [
+    "Table",
+    "aligned",
+    "check_lines",
+    "displacement_table",
+    "event_table",
+    "history_frame",
+    "labelled",
+    "number",
+    "stage_table",
+    "structure_table",
+    "tension_table",
+    "write_history",
+]
+
+NOTHING = "–"
+"""Stands for a number that there is not."""
+
+MOST_DECIMALS = 8
+"""Smaller numbers are written with an exponent."""
+
+MOST_ROWS = 24
+"""Nodes that a table of displacements lists; of a larger structure those that move most."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table ready to be read.
+
+    Attributes
+    ----------
+    title
+        What it shows.
+    header
+        One text per column, with its unit.
+    rows
+        One text per cell.
+    align
+        A letter per column: ``l`` for text, ``s`` for a short word that stays on one line, ``r`` for
+        numbers.
+    note
+        A sentence below the table, or "".
+    """
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    align: str
+    note: str = ""
+
+    @classmethod
+    def of(
+        cls, title: str, header: Sequence[str], rows: Iterable[Sequence[object]], align: str, note: str = ""
+    ) -> "Table":
+        """Build a table from cells of any kind; numbers are rounded by `number`."""
+        cells = tuple(tuple(_cell(value) for value in row) for row in rows)
+        return cls(title, tuple(header), cells, align, note)
+
+
+def number(value: float | None, digits: int = 6) -> str:
+    """Return a number with `digits` significant digits, or a dash for none.
+
+    Examples
+    --------
+    >>> number(53.14669359), number(1.2e-13, 3), number(float("nan")), number(1234567.0)
+    ('53.1467', '1.2e-13', '–', '1.23457e+06')
+    """
+    if value is None or not isfinite(value):
+        return NOTHING
+    return f"{value:.{digits}g}"
+
+
+def aligned(values: Iterable[float], digits: int = 6) -> list[str]:
+    """Return numbers with as many decimals as give the largest of them `digits` significant digits.
+
+    Examples
+    --------
+    >>> aligned([53.14669, -0.01234, float("nan")])
+    ['53.1467', '-0.0123', '–']
+    """
+    numbers = [float(value) for value in values]
+    largest = max((abs(value) for value in numbers if isfinite(value)), default=0.0)
+    decimals = max(0, digits - 1 - floor(log10(largest))) if largest > 0.0 else 0
+    if decimals > MOST_DECIMALS or largest >= 10.0**digits:
+        return [number(value, digits) for value in numbers]
+    return [f"{value:.{decimals}f}" if isfinite(value) else NOTHING for value in numbers]
+
+
+def labelled(text: str, unit: str) -> str:
+    """Return a name with its unit in brackets, if it has one.
+
+    Examples
+    --------
+    >>> labelled("w", "cm"), labelled("A14", "")
+    ('w [cm]', 'A14')
+    """
+    return f"{text} [{unit}]" if unit and unit != "1" else text
+
+
+def structure_table(structure: Structure) -> Table:
+    """Describe a structure: its counts, units, supports, groups and actuators."""
+    units = structure.units
+    kinds = [_kind(member) for member in structure.members.values()]
+    members = ", ".join(
+        f"{kinds.count(kind)} {kind}{'s' if kinds.count(kind) != 1 else ''}"
+        for kind in _KINDS
+        if kind in kinds
+    )
+    rows = [
+        ("Nodes", f"{structure.n_nodes}, {structure.n_free} free degrees of freedom"),
+        ("Members", members),
+        ("Units", f"{units.length}, {units.force}, {units.temperature}"),
+        ("Supports", _supports(structure)),
+        ("Groups", ", ".join(f"{name} ({len(ids)})" for name, ids in structure.groups.items())),
+        *(
+            ("Actuators" if i == 0 else "", f"{name}: {actuator.effect}s {', '.join(actuator.members)}")
+            for i, (name, actuator) in enumerate(structure.actuators.items())
+        ),
+    ]
+    return Table.of(structure.name, ("", ""), [row for row in rows if row[1]], "ll")
+
+
+def stage_table(path: EquilibriumPath) -> Table:
+    """List the equilibria of a history with their certificates."""
+    units = path.structure.units
+    header = (
+        "Stage",
+        "Status",
+        "Steps",
+        "Iterations",
+        "Residual",
+        f"Lowest eigen-\nvalue [{units.of('force per length')}]",
+        "Slack",
+    )
+    equilibria = [*path.stages, *([] if path.actuation is None else [path.actuation])]
+    rows = [
+        (
+            equilibrium.stage,
+            str(equilibrium.status),
+            equilibrium.steps,
+            equilibrium.iterations,
+            number(equilibrium.residual, 2),
+            number(equilibrium.lowest_eigenvalue, 5),
+            len(equilibrium.slack_members),
+        )
+        for equilibrium in equilibria
+    ]
+    return Table.of("Equilibria", header, rows, "lsrrrrr")
+
+
+def event_table(path: EquilibriumPath) -> Table:
+    """List where the history lost its stability, and which cables went slack or came taut."""
+    length = path.structure.units.length
+    rows = [
+        (
+            point.stage,
+            f"{100 * point.parameter:.4g} %",
+            point.kind + (f", a snap of {point.snap:.4g} {length}" if point.snap > 0 else ""),
+            ", ".join(point.moved_nodes),
+        )
+        for point in path.critical_points
+    ]
+    rows += [
+        (event.stage, f"{100 * event.parameter:.4g} %", f"{event.member} becomes {event.becomes}", "")
+        for event in path.slack_events
+    ]
+    return Table.of("Events on the way", ("Stage", "At", "What", "Nodes moved most"), rows, "lrll")
+
+
+def displacement_table(path: EquilibriumPath) -> Table:
+    """List the displacements by the actuation, largest first where not all nodes fit."""
+    structure, moved = path.structure, path.displacements
+    magnitude = np.linalg.norm(moved, axis=1)
+    shown = np.flatnonzero(magnitude > 0.0)
+    note = ""
+    if len(shown) > MOST_ROWS:
+        note = f"the {MOST_ROWS} of {len(shown)} moving nodes that move most"
+        shown = np.sort(shown[np.argsort(-magnitude[shown], kind="stable")[:MOST_ROWS]])
+    texts = aligned(np.column_stack([moved[shown], magnitude[shown]]).ravel())
+    rows = [(structure.node_ids[n], *texts[4 * i : 4 * i + 4]) for i, n in enumerate(shown)]
+    title = f"Displacements from the last stage, {structure.units.length}"
+    return Table.of(title, ("Node", "u", "v", "w", "magnitude"), rows, "lrrrr", note)
+
+
+def tension_table(equilibrium: Equilibrium) -> Table:
+    """List the extremes of the tensions by kind of member, and each clustered cable."""
+    structure = equilibrium.structure
+    kinds = np.array([_kind(member) for member in structure.members.values()])
+    ids = np.array(structure.member_ids)
+    tensions = equilibrium.tensions
+    indices = [index for kind in _KINDS if len(index := np.flatnonzero(kinds == kind))]
+    extremes = [(index[tensions[index].argmin()], index[tensions[index].argmax()]) for index in indices]
+    texts = aligned(tensions[np.array(extremes).ravel()])
+    rows = [
+        (
+            f"{kinds[index[0]]}s",
+            len(index),
+            int(equilibrium.slack[index].sum()) if kinds[index[0]] != "strut" else "",
+            texts[2 * i],
+            ids[low],
+            texts[2 * i + 1],
+            ids[high],
+        )
+        for i, (index, (low, high)) in enumerate(zip(indices, extremes, strict=True))
+    ]
+    title = f"Tensions, {structure.units.force}"
+    return Table.of(title, ("", "Members", "Slack", "Least", "in", "Greatest", "in"), rows, "lrrrlrl")
+
+
+def history_frame(path: EquilibriumPath) -> "pd.DataFrame":
+    """Return every accepted step of a history as a row.
+
+    Columns: ``stage``, ``parameter``, ``iterations``, then ``x_<node>``, ``y_<node>``, ``z_<node>`` and
+    ``tension_<member>``. The units stand in the frame's `attrs`, which Parquet keeps.
+    """
+    import pandas as pd
+
+    structure, units = path.structure, path.structure.units
+    history = path.history
+    columns = {
+        "stage": [point.stage for point in history],
+        "parameter": [point.parameter for point in history],
+        "iterations": [point.iterations for point in history],
+    }
+    numbers: dict[str, np.ndarray] = {}
+    nodes = np.array([point.nodes for point in history]).reshape(len(history), -1, 3)
+    tensions = np.array([point.tensions for point in history]).reshape(len(history), -1)
+    for n, node in enumerate(structure.node_ids):
+        numbers |= {f"{axis}_{node}": nodes[:, n, i] for i, axis in enumerate("xyz")}
+    numbers |= {f"tension_{member}": tensions[:, e] for e, member in enumerate(structure.member_ids)}
+    frame = pd.DataFrame(columns | numbers)
+    frame.attrs = {
+        "structure": structure.name,
+        "units": {"length": units.length, "force": units.force, "temperature": units.temperature},
+    }
+    return frame
+
+
+def write_history(path: EquilibriumPath, file: Path) -> None:
+    """Write `history_frame` as Parquet.
+
+    Raises
+    ------
+    ModelError
+        The file is not named so, or cannot be written.
+    """
+    if file.suffix.lower() != ".parquet":
+        raise ModelError.at("-o", file.name, "a file named .parquet")
+    frame = history_frame(path)
+    try:
+        frame.to_parquet(file, index=False)
+    except OSError as error:
+        raise ModelError(f"{file}: cannot be written ({(error.strerror or str(error)).lower()})") from None
+
+
+_KINDS = ("strut", "cable", "clustered cable")
+
+
+def _kind(member: Member) -> str:
+    return member.kind if not member.is_clustered else "clustered cable"
+
+
+def _supports(structure: Structure) -> str:
+    nodes_by_axes: dict[str, list[str]] = {}
+    for node, axes in structure.supports.items():
+        nodes_by_axes.setdefault(axes, []).append(node)
+    return "; ".join(f"{axes} at {', '.join(nodes)}" for axes, nodes in nodes_by_axes.items())
+
+
+def _cell(value: object) -> str:
+    return number(value) if isinstance(value, float) or value is None else str(value)
+
+
+def check_lines(result: "StructureCheck") -> list[str]:
+    """Return sentences that tell a newcomer whether the structure stands, and what holds it up."""
+    units = result.structure.units
+    lines = []
+    if result.statics is not None and result.locked is not None:
+        clusters = any(member.is_clustered for member in result.structure.members.values())
+        lines.append(
+            f"Mechanisms {result.statics.n_mechanisms}, states of self-stress {result.statics.n_self_stress} "
+            "(in the given coordinates, all cables taut)."
+        )
+        if clusters:
+            lines.append(
+                f"With the pulleys locked: mechanisms {result.locked.n_mechanisms}, "
+                f"states of self-stress {result.locked.n_self_stress}."
+            )
+    if result.prestress_stiffness is not None:
+        holds = "hold" if result.prestress_stiffness > 0.0 else "do not hold"
+        lines.append(
+            f"The tensions {holds} the mechanisms: lowest stiffness on them "
+            f"{result.prestress_stiffness:.4g} {units.of('force per length')}."
+        )
+    if result.vibration is not None:
+        frequencies = ", ".join(f"{frequency:.3g}" for frequency in result.vibration.frequencies[:4])
+        lines.append(f"Lowest natural frequencies {frequencies} Hz (lumped masses from the weights).")
+    utilisation = result.path.final.utilisation if result.path.final.succeeded else {}
+    if utilisation:
+        member, share = max(utilisation.items(), key=lambda item: item[1])
+        lines.append(f"Highest utilisation {100 * share:.3g} %, of member {member}.")
+    return [*lines, f"{result.verdict}."]

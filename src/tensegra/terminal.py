@@ -1,0 +1,174 @@
+"""The terminal: results on stdout, as tables for people or as JSON for programs."""
+
+import json
+import sys
+from typing import TYPE_CHECKING, Any
+
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table as RichTable
+
+from tensegra.report.tables import (
+    Table,
+    check_lines,
+    displacement_table,
+    event_table,
+    stage_table,
+    structure_table,
+    tension_table,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tensegra.mechanics import EquilibriumPath
+    from tensegra.report.check import StructureCheck, StudyCheck
+    from tensegra.report.results import Results
+    from tensegra.study import Campaign
+
+__all__ = [
+    "show_path",
+    "show_report",
+    "show_results",
+    "show_state",
+    "show_structure_check",
+    "show_study_check",
+]
+
+_STATUS_STYLES = {
+    "stable": "green",
+    "snapped": "yellow",
+    "unstable": "yellow",
+    "collapsed": "red",
+    "failed": "red",
+}
+
+
+def show_structure_check(result: "StructureCheck", *, as_json: bool = False) -> None:
+    """Show a structure, its counts and whether it stands."""
+    if as_json:
+        _print_json(result.to_dict())
+        return
+    _print_table(structure_table(result.structure))
+    _print_table(stage_table(result.path))
+    _print_table(event_table(result.path))
+    for line in check_lines(result):
+        _print_line(line)
+
+
+def show_study_check(result: "StudyCheck", *, as_json: bool = False) -> None:
+    """Show what a study varies, wants and asks."""
+    if as_json:
+        _print_json(result.to_dict())
+        return
+    from tensegra.report.study_tables import analysis_table, output_table, surrogate_table, variable_table
+
+    study = result.study
+    _print_line(repr(study))
+    _print_line(repr(study.structure))
+    _print_line()
+    for table in (variable_table(study), output_table(study), surrogate_table(study), analysis_table(study)):
+        _print_table(table)
+    for advice in study.advice:
+        _print_line(f"Note: {advice}.")
+
+
+def show_path(path: "EquilibriumPath", *, as_json: bool = False) -> None:
+    """Show the equilibria of a history and where it ends."""
+    if as_json:
+        _print_json(path.to_dict())
+        return
+    _print_line(repr(path.structure))
+    _print_line()
+    _print_table(stage_table(path))
+    _print_table(event_table(path))
+    if path.final.status != "failed":
+        if path.actuation is not None:
+            _print_table(displacement_table(path))
+        _print_table(tension_table(path.final))
+    slack = path.final.slack_members
+    if slack:
+        _print_line(f"Slack: {', '.join(slack)}.")
+    reason = f": {path.reason}" if path.reason else ""
+    _print_line(f"The history is {path.status}{reason}.")
+
+
+def show_results(results: "Results", *, as_json: bool = False) -> None:
+    """Show what a study has led to."""
+    if as_json:
+        _print_json(results.to_dict())
+        return
+    from tensegra.report.study_tables import outcome_table, result_tables, validation_table
+
+    _print_table(outcome_table(results.campaign.state()))
+    _print_table(validation_table(results))
+    for table in result_tables(results):
+        _print_table(table)
+    for failure in results.index.failures:
+        _print_line(f"Could not be had: {failure}.")
+    seconds = results.index.seconds
+    runs = f"of which {seconds['campaign']:.1f} s for the runs"
+    _print_line(f"{results.folder}: done in {seconds['total']:.1f} s, {runs}.")
+
+
+def show_state(campaign: "Campaign", *, as_json: bool = False) -> None:
+    """Show how far a campaign is."""
+    from tensegra.report.study_tables import outcome_table, reason_table, state_to_dict
+
+    state = campaign.state()
+    if as_json:
+        _print_json(state_to_dict(campaign, state))
+        return
+    _print_line(repr(campaign))
+    _print_line()
+    _print_table(outcome_table(state))
+    _print_table(reason_table(state))
+    line = (
+        f"{state.n_done} of {state.n_points} runs done, {state.n_failed} failed, {state.n_pending} pending."
+    )
+    if state.driver is not None:
+        line += f" Process {state.driver} is running it"
+        line += f", {state.rate:.3g} runs/s, {state.seconds_left:.0f} s left." if state.rate > 0 else "."
+    _print_line(line)
+
+
+def show_report(path: "Path", *, as_json: bool = False) -> None:
+    """Show where a report has been written."""
+    if as_json:
+        _print_json({"report": str(path)})
+    else:
+        _print_line(str(path))
+
+
+def _print_json(content: dict[str, Any]) -> None:
+    json.dump(content, sys.stdout, indent=1, ensure_ascii=False, allow_nan=False)
+    sys.stdout.write("\n")
+
+
+def _print_line(text: str = "") -> None:
+    Console().print(escape(text), soft_wrap=True, highlight=False)
+
+
+def _print_table(table: Table) -> None:
+    """Print a table; an empty one is left out."""
+    if not table.rows:
+        return
+    console = Console()
+    shown = RichTable(
+        box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_header=any(table.header), show_edge=False
+    )
+    for header, align in zip(table.header, table.align, strict=True):
+        shown.add_column(escape(header), justify="right" if align == "r" else "left", no_wrap=align in "rs")
+    for row in table.rows:
+        shown.add_row(*(_styled(cell) for cell in row))
+    console.print(f"[bold]{escape(table.title)}[/bold]")
+    console.print(shown)
+    if table.note:
+        console.print(escape(table.note), style="dim", highlight=False)
+    console.print()
+
+
+def _styled(cell: str) -> str:
+    style = _STATUS_STYLES.get(cell)
+    return f"[{style}]{cell}[/{style}]" if style else escape(cell)

@@ -1,0 +1,103 @@
+import numpy as np
+import pytest
+
+from tensegra.errors import SolverError
+from tensegra.mechanics import solve_path
+from tensegra.mechanics.arrays import structure_arrays
+from tensegra.mechanics.stability import (
+    equilibrium_matrix,
+    natural_frequencies,
+    prestress_stiffness,
+    self_stress,
+)
+from tensegra.structure import Structure, library, parse_structure
+
+
+@pytest.mark.parametrize("n_struts", [3, 4, 5, 6])
+def test_a_prism_has_one_state_of_self_stress_and_its_known_mechanisms(n_struts):
+    # 2n nodes, 4n members and one state of self-stress: 6n - 6 = 4n - 1 + m (Maxwell's rule, Calladine 1978).
+    found = self_stress(library.prism(n_struts))
+    assert found.n_self_stress == 1
+    assert found.n_mechanisms == 2 * n_struts - 5
+
+
+def test_members_between_supports_are_left_out():
+    beam = self_stress(library.paper_beam())
+    assert (beam.n_free, beam.n_columns, beam.rank) == (60, 44, 43)
+
+
+def test_a_clustered_cable_is_one_column_and_frees_mechanisms():
+    plain, clustered = self_stress(library.prism(4)), self_stress(library.prism(4, clustered=True))
+    assert plain.n_columns - clustered.n_columns == 3
+    assert clustered.n_mechanisms == plain.n_mechanisms + 3
+
+
+def test_the_matrix_is_the_gradient_of_the_lengths():
+    loop = library.prism(3, clustered=True)
+    nodes = loop.coordinates
+    free = np.ones((loop.n_nodes, 3), dtype=bool)
+    for node, axes in loop.supports.items():
+        free[loop.node_ids.index(node), ["xyz".index(axis) for axis in axes]] = False
+    move = np.random.default_rng(0).standard_normal(nodes.shape) * free
+    step = 1e-6  # central differences: truncation 1e-12, rounding 1e-10
+    change = lengths(loop, nodes + step * move) - lengths(loop, nodes - step * move)
+    matrix = equilibrium_matrix(structure_arrays(loop), nodes)
+    np.testing.assert_allclose(matrix.T @ move[free], change / (2 * step), atol=1e-8)
+
+
+def test_the_beam_has_17_mechanisms_clustered_and_3_locked():
+    beam = library.paper_beam()
+    clustered, locked = self_stress(beam), self_stress(beam, clustered=False)
+    assert (clustered.n_mechanisms, clustered.n_self_stress) == (17, 1)
+    assert (locked.n_mechanisms, locked.n_self_stress) == (3, 3)
+
+
+def test_self_stress_balances_and_mechanisms_change_no_length():
+    beam = library.paper_beam()
+    found, matrix = self_stress(beam), equilibrium_matrix(structure_arrays(beam))
+    rounding = 1e-7 * np.abs(matrix).max()  # the coordinates have seven digits
+    np.testing.assert_allclose(matrix @ found.states.T, 0.0, atol=rounding)
+    free = structure_arrays(beam).free
+    np.testing.assert_allclose(matrix.T @ found.mechanisms[:, free].T, 0.0, atol=rounding)
+
+
+def test_prestress_holds_the_mechanisms_of_the_beam():
+    path = solve_path(library.paper_beam())
+    stiffness = prestress_stiffness(path)
+    # On the mechanisms alone: an upper bound of the lowest eigenvalue of K, by Courant and Fischer.
+    assert path.final.lowest_eigenvalue <= stiffness < 1.1 * path.final.lowest_eigenvalue
+
+
+def test_a_mass_on_two_ropes_swings_as_a_string_does():
+    # A mass m between two ropes of length l under tension T: across them k = 2 T/l, along 2 EA/l₀.
+    tension, length, stiffness, weight = 5.0, 2.0, 1e3, 0.1
+    rest = length / (1 + tension / stiffness)
+    rope = {"kind": "cable", "material": "rope", "area": 1.0, "rest_length": rest}
+    structure = parse_structure(
+        {
+            "nodes": {"1": [0, 0, 0], "2": [length, 0, 0], "3": [2 * length, 0, 0]},
+            "materials": {"rope": {"youngs_modulus": stiffness, "weight": weight / length}},
+            "members": {"a": {**rope, "nodes": [1, 2]}, "b": {**rope, "nodes": [2, 3]}},
+            "supports": {"1": "xyz", "3": "xyz"},
+        }
+    )
+    mass = weight / 9.80665
+    across, along = np.sqrt(2 * tension / length / mass), np.sqrt(2 * stiffness / rest / mass)
+    expected = np.array([across, across, along]) / (2 * np.pi)
+    np.testing.assert_allclose(natural_frequencies(solve_path(structure)).frequencies, expected, rtol=1e-9)
+
+
+def test_frequencies_need_a_mass():
+    with pytest.raises(SolverError, match="weight"):
+        natural_frequencies(solve_path(library.prism()))
+
+
+def lengths(structure: Structure, nodes):
+    """Return the members' lengths at other positions."""
+    place = dict(zip(structure.node_ids, nodes, strict=True))
+    return np.array(
+        [
+            sum(np.linalg.norm(place[end] - place[start]) for start, end in member.segments)
+            for member in structure.members.values()
+        ]
+    )

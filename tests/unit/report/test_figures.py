@@ -1,0 +1,108 @@
+import subprocess
+import sys
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from tensegra.mechanics import solve_path
+from tensegra.report import figures
+from tensegra.structure import library
+
+
+def texts_in(drawing):
+    """Return the extents of all texts that are drawn, with the texts."""
+    from matplotlib.text import Text
+
+    canvas = drawing.canvas
+    canvas.draw()
+    shown = [
+        text
+        for text in drawing.findobj(Text)
+        if text.get_visible() and text.get_text().strip() and text.axes is not False
+    ]
+    return [(text.get_text(), text.get_window_extent()) for text in shown]
+
+
+def axis_texts(axes):
+    """Return the labels of an axes' ticks and its own labels, as drawn."""
+    for axis in (axes.xaxis, axes.yaxis):
+        yield [label for label in axis.get_ticklabels() if label.get_visible() and label.get_text()]
+
+
+@pytest.fixture(scope="module")
+def drawings(results):
+    study, frame = results.campaign.study, results.campaign.frame()
+    made = {
+        "design": figures.design_figure(study, frame),
+        "outputs": figures.output_figure(study, frame),
+        "selection": figures.selection_figure(study, frame, results.campaign.select(frame)),
+    }
+    for name, stored in results.surrogates.items():
+        made[f"parity of {name}"] = figures.parity_figure(stored.surrogate, stored.held_out())
+    propagation, sensitivity, *searches = results.analyses
+    contents, traces = [s.content for s in searches], [s.trace() for s in searches]
+    made["propagation"] = figures.propagation_figure(propagation.content)
+    made["indices"] = figures.index_figure(sensitivity.content)
+    made["convergence"] = figures.index_convergence(sensitivity.content)
+    made["search"] = figures.search_figure(contents, traces)
+    made["visited"] = figures.visited_figure(contents, traces)
+    return made
+
+
+def test_tick_labels_of_an_axis_do_not_overlap(drawings):
+    for name, drawing in drawings.items():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        FigureCanvasAgg(drawing).draw()
+        for axes in drawing.findobj(lambda artist: hasattr(artist, "get_xticklabels")):
+            for labels in axis_texts(axes):
+                if any(label.get_rotation() % 90 for label in labels):
+                    continue  # a box around slanted text overlaps where the text does not
+                extents = [label.get_window_extent() for label in labels]
+                for first, second in combinations(extents, 2):
+                    assert not first.overlaps(second), (name, [label.get_text() for label in labels])
+
+
+def test_axes_name_their_units(drawings):
+    for name in ("outputs", "selection", "propagation"):
+        labels = {axes.get_xlabel() for axes in drawings[name].axes} | {
+            axes.get_ylabel() for axes in drawings[name].axes
+        }
+        assert any("[cm]" in label for label in labels), name
+    assert "T [degC]" in {axes.get_xlabel() for axes in drawings["design"].axes}
+
+
+def test_a_figure_always_gives_the_same_bytes(results):
+    content = results.analyses[1].content
+    assert figures.svg(figures.index_figure(content)) == figures.svg(figures.index_figure(content))
+
+
+def test_the_structure_is_drawn_where_it_is():
+    beam = library.paper_beam()
+    path = solve_path(beam, {"A14": 0.05, "A23": 0.05})
+    nodes = path.final.nodes
+    drawing = figures.structure_figure(beam, nodes, ["18"], reference=path.stages[-1].nodes)
+    axes = drawing.axes[0]
+    low, high = np.array([axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d()]).T
+    assert np.all(low <= nodes.min(axis=0))
+    assert np.all(high >= nodes.max(axis=0))
+    names = {text.get_text().strip() for text in axes.texts}
+    assert "18" in names
+    assert names <= set(beam.node_ids)
+
+
+def test_one_shape_alone_is_drawn_too():
+    prism = library.prism()
+    nodes = prism.coordinates
+    drawing = figures.shape_figure(prism, nodes, {"lifted": nodes + np.array([0.0, 0.0, 0.1])})
+    assert len(drawing.axes) == 3
+
+
+def test_figures_need_no_pyplot():
+    code = (
+        "import sys; from tensegra.report import figures; from tensegra.structure import library; "
+        "p = library.prism(); figures.svg(figures.structure_figure(p, p.coordinates)); "
+        "sys.exit('matplotlib.pyplot' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0  # noqa: S603

@@ -1,0 +1,48 @@
+import subprocess
+import sys
+
+import pytest
+
+import tensegra as tg
+
+HEAVY = (
+    "scipy",
+    "numba",
+    "pandas",
+    "pyarrow",
+    "jax",
+    "sklearn",
+    "hdbscan",
+    "SALib",
+    "matplotlib",
+    "pint",
+    "rich",
+)
+
+
+@pytest.mark.parametrize("name", tg.__all__)
+def test_every_name_is_there(name):
+    assert getattr(tg, name) is not None
+    assert name in dir(tg)
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'solve_paths'"):
+        _ = tg.solve_paths
+
+
+def test_import_loads_nothing_heavy():
+    code = f"import sys, tensegra; print([name for name in {HEAVY} if name in sys.modules])"
+    ran = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)  # noqa: S603
+    assert ran.stdout.strip() == "[]"
+
+
+def test_parsing_a_command_loads_nothing_heavy():
+    code = (
+        "import sys, tensegra.cli\n"
+        "try: tensegra.cli.main(['--version'])\n"
+        "except SystemExit: pass\n"
+        f"print([name for name in {HEAVY[:-1]} if name in sys.modules])"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)  # noqa: S603
+    assert ran.stdout.splitlines()[-1] == "[]"
