@@ -9,6 +9,8 @@ import time
 import numpy as np
 
 from tensegra.mechanics import Batch
+from tensegra.mechanics.inputs import Actuation
+from tensegra.mechanics.variants import Variants
 
 FAILS_ABOVE = 0.098
 SECONDS_PER_BATCH = 0.0
@@ -30,7 +32,7 @@ def solve(structure, **inputs):
         status=np.where(failed, "failed", np.where(total > 0.18, "snapped", "stable")),
         reason=np.where(failed, "no equilibrium was found", "").astype(object),
         nodes=structure.coordinates + moves,
-        displacements=moves,
+        start=structure.coordinates[None],
         tensions=tensions,
         slack=tensions < 0,
         residual=np.where(failed, np.nan, 1e-12),
@@ -38,6 +40,8 @@ def solve(structure, **inputs):
         steps=np.full(n, 4),
         iterations=np.full(n, 12),
         seconds=np.full(n, 1e-3),
+        inputs=Actuation({}, {}, {}, {}),
+        variants=Variants({}, {}, {}),
     )
 
 
