@@ -7,7 +7,7 @@ import pytest
 from tensegra.errors import ModelError, SolverError
 from tensegra.mechanics import CriticalPoint, PathSettings, Status, solve_path
 from tensegra.mechanics.status import axis_index
-from tensegra.structure import Member, Stage, Structure, library
+from tensegra.structure import Member, Stage, Structure, library, parse_structure
 
 
 @pytest.fixture(scope="module")
@@ -18,6 +18,11 @@ def beam():
 @pytest.fixture(scope="module")
 def path(beam):
     return solve_path(beam, {"A14": 0.02})
+
+
+@pytest.fixture(scope="module")
+def bent(beam):
+    return solve_path(beam, {"A14": 0.10, "A23": 0.10})
 
 
 @pytest.fixture(scope="module")
@@ -201,3 +206,55 @@ def test_slack_members_are_named():
 def test_a_critical_point_is_a_sentence():
     point = CriticalPoint("load", 0.25, "limit point", 1e-3, ("7",), snap=2.0)
     assert str(point) == "limit point at 25 % of stage 'load', snap of 2"
+
+
+def test_history_as_a_table(bent):
+    table = bent.to_dataframe()
+    assert len(table) == len(bent.history)
+    assert table["stage"].unique().tolist() == ["prestress", "actuation"]
+    last = table.iloc[-1]
+    assert last["parameter"] == 1.0
+    assert last["23.z"] == bent.final.node("23")[2]
+    assert last["T.K1"] == pytest.approx(bent.final.tension("K1"), rel=1e-12)
+
+
+def test_history_as_a_dataset(bent):
+    pytest.importorskip("xarray")
+    data = bent.to_xarray()
+    assert data.sizes == {"step": len(bent.history), "node": 24, "axis": 3, "member": 48}
+    assert data["nodes"].attrs["units"] == "cm"
+    last = data["nodes"].isel(step=-1).sel(node="23", axis="z")
+    assert float(last) == bent.final.node("23")[2]
+
+
+def test_a_path_draws_itself(bent, tmp_path):
+    file = tmp_path / "beam.png"
+    bent.plot().savefig(file)
+    assert file.stat().st_size > 10_000
+
+
+def test_utilisation_is_the_share_of_euler_s_load_and_of_the_strength():
+    modulus, inertia, length, load = 7e10, 1e-8, 2.0, 500.0
+    column = parse_structure(
+        {
+            "nodes": {"1": [0, 0, 0], "2": [0, 0, length], "3": [0, 0, 2 * length]},
+            "materials": {"aluminium": {"youngs_modulus": modulus}},
+            "members": {
+                "s": {
+                    "kind": "strut",
+                    "nodes": [1, 2],
+                    "material": "aluminium",
+                    "area": 1e-4,
+                    "section_inertia": inertia,
+                },
+                "c": {"kind": "cable", "nodes": [2, 3], "stiffness": 1e6, "strength": 1000.0},
+            },
+            "supports": {"1": "xyz", "2": "xy", "3": "xyz"},
+            "stages": [{"name": "load", "loads": {"2": [0, 0, -load]}}],
+        }
+    )
+    found = solve_path(column).final
+    euler = np.pi**2 * modulus * inertia / length**2
+    assert found.utilisation["s"] == pytest.approx(-found.tension("s") / euler)
+    assert found.utilisation["c"] == pytest.approx(found.tension("c") / 1000.0)
+    assert found.utilisation["c"] > 0.05
