@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tensegra.mechanics import kernels
 from tensegra.mechanics.arrays import BoolArray, FloatArray
 from tensegra.mechanics.tangent import Spectrum, Tangent
 
@@ -89,16 +90,19 @@ def unbalanced(
     `RESIDUAL_TOLERANCE` of them lies below what rounding of the lengths leaves, it is that rounding.
     """
     force = tangent.measure(nodes, load.rest_length, load.stiffness, taut)
-    free = tangent.arrays.free
-    out = np.where(free, force - load.force, 0.0)
-    rounding = LENGTH_ROUNDING * float((load.stiffness * tangent.length / load.rest_length).max())
-    scale = max(
-        rounding / RESIDUAL_TOLERANCE,
-        np.abs(tangent.tension).max(initial=0.0),
-        np.abs(load.force, where=free, out=np.zeros_like(force)).max(initial=0.0),
+    out = np.empty_like(force)
+    residual = kernels.out_of_balance(
+        force.reshape(-1),
+        load.force.reshape(-1),
+        tangent.arrays.free.reshape(-1),
+        tangent.tension,
+        tangent.length,
+        load.stiffness,
+        load.rest_length,
+        LENGTH_ROUNDING / RESIDUAL_TOLERANCE,
+        out.reshape(-1),
     )
-    size = np.abs(out).max(initial=0.0)
-    return out, float(size / scale)
+    return out, residual
 
 
 def newton(
@@ -110,6 +114,7 @@ def newton(
     max_iterations: int = 12,
     largest_move: float = np.inf,
     slowest_contraction: float = np.inf,
+    polish: bool = True,
 ) -> Attempt:
     """Solve f = p by Newton's method in positions and tensions, from the positions `nodes`.
 
@@ -137,6 +142,8 @@ def newton(
     slowest_contraction
         Ratio of successive corrections above which it gives up; the first is not compared, it
         takes back what the guess stretched.
+    polish
+        Whether to go on below the tolerance as long as it helps.
     """
     x = nodes
     is_cable = tangent.arrays.is_cable
@@ -151,6 +158,8 @@ def newton(
             out, residual = unbalanced(tangent, x, load)
             if residual <= RESIDUAL_TOLERANCE:
                 tangent.factorise()
+                if not polish:
+                    return Attempt(x, converged=True, residual=residual, iterations=iteration)
                 return _polished(tangent, x, load, out, residual, iteration)
         tangent.factorise()
         correction = tangent.solve(-out)

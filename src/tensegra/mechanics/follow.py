@@ -257,6 +257,7 @@ class StageFollower:
             tension=here.tension + increment * here.tension_rate,
             largest_move=0.5 * increment * here.speed + 0.1 * self.largest_move,
             slowest_contraction=self.settings.contraction,
+            polish=parameter >= 1.0,
         )
         return guess, attempt
 

@@ -8,7 +8,7 @@ n unit vector along a segment, s its length, b = ∂ℓ/∂x.
 
 import numba as nb
 
-from tensegra.mechanics.arrays import FloatArray, IndexArray
+from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray
 from tensegra.mechanics.lanes import choose, less, load, magnitude, root, store, zero
 
 njit = nb.njit(cache=True, error_model="numpy", nogil=True, boundscheck=False)
@@ -82,6 +82,36 @@ def internal_force(
                 component = t * load(unit, 3 * s + c)
                 store(force, i + c, load(force, i + c) - component)
                 store(force, j + c, load(force, j + c) + component)
+
+
+@njit
+def out_of_balance(
+    force: FloatArray,
+    load: FloatArray,
+    free: BoolArray,
+    tension: FloatArray,
+    length: FloatArray,
+    stiffness: FloatArray,
+    rest_length: FloatArray,
+    rounding: float,
+    out: FloatArray,
+) -> float:
+    """Fill `out` with f − p over the free coordinates; return its largest entry relative to the scale.
+
+    The scale is the largest tension or load, and not less than `rounding` times the largest EA ℓ/l₀.
+    """
+    largest, scale = 0.0, 0.0
+    for i in range(force.size):
+        out[i] = 0.0
+        if free[i]:
+            out[i] = force[i] - load[i]
+            # Not `max`: a NaN has to come through.
+            if not abs(out[i]) <= largest:
+                largest = abs(out[i])
+            scale = max(scale, abs(load[i]))
+    for e in range(tension.size):
+        scale = max(scale, abs(tension[e]), rounding * stiffness[e] * length[e] / rest_length[e])
+    return largest / scale
 
 
 @njit

@@ -104,7 +104,7 @@ class Tangent:
             self.tension[slack] = 0.0
             self.axial[slack] = 0.0
         self.stress = self.tension
-        self.stiffness_scale = float((stiffness / rest_length).max())
+        self.stiffness_scale = float((stiffness / rest_length).max(initial=0.0))
         kernels.internal_force(
             self._unit, self.tension, arrays.segment_nodes, arrays.segment_start, self._force
         )
