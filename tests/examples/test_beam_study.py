@@ -10,7 +10,9 @@ BEAM = Path(__file__).parents[2] / "examples" / "beam.yaml"
 
 
 def test_the_example_can_be_carried_out():
-    require_sound(read_study(BEAM))
+    study = read_study(BEAM)
+    require_sound(study)
+    assert study.n_points == 1024
 
 
 @pytest.mark.slow

@@ -111,7 +111,8 @@ def test_failure_is_raised_by_raise_for_status(failed, collapsed):
 
 @pytest.mark.parametrize("status", [Status.STABLE, Status.SNAPPED])
 def test_statuses_that_stand_are_not_raised(path, status):
-    replace(path.final, status=status).raise_for_status()
+    standing = replace(path.final, status=status)
+    assert standing.raise_for_status() is standing
 
 
 @pytest.mark.parametrize("status", [Status.UNSTABLE, Status.COLLAPSED, Status.FAILED])

@@ -1,0 +1,320 @@
+"""One block of runs: in lockstep as far as they go the plain course, then one by one.
+
+What lockstep gives back is followed alone with the whole care of `tensegra.mechanics.path`; no run
+is lost.
+"""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tensegra.errors import ModelError
+from tensegra.mechanics.arrays import (
+    BoolArray,
+    FloatArray,
+    IndexArray,
+    StructureArrays,
+    structure_arrays,
+)
+from tensegra.mechanics.derivatives import (
+    Derivative,
+    Given,
+    ParameterKind,
+    differentiate,
+    direction_of,
+    settle_tangent,
+)
+from tensegra.mechanics.equilibrium import Load
+from tensegra.mechanics.follow import PathSettings
+from tensegra.mechanics.inputs import (
+    Actuation,
+    Inputs,
+    StageInputs,
+    actuation_inputs,
+    effective_rest_length,
+    initial_inputs,
+    nodal_forces,
+    stage_inputs,
+)
+from tensegra.mechanics.lockstep_solver import SOFT_MODES, LockstepSolver
+from tensegra.mechanics.path import Prepared, actuate, prepare, stage_targets
+from tensegra.mechanics.results import EquilibriumPath
+from tensegra.mechanics.status import Status
+from tensegra.mechanics.tangent import Tangent
+from tensegra.mechanics.variants import Variants, varied_arrays, varied_structure
+from tensegra.structure import Structure
+
+LOCKSTEP_KINDS = ("actuation", "temperature", "rest_length", "stiffness", "load")
+"""Parameters whose derivative is taken for many runs at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunResults:
+    """What is known of many runs; the first axis of every array is the run.
+
+    Attributes
+    ----------
+    status, reason
+        `Status` and its reason of each run, shape ``(n_runs,)``.
+    nodes
+        Positions, ``(n_runs, n_nodes, 3)``, unit of length; NaN where failed.
+    start
+        Positions at the end of the stages, ``(n_runs | 1, n_nodes, 3)``: displacements are
+        measured from them.
+    tensions
+        Tension positive, ``(n_runs, n_members)``, unit of force.
+    slack
+        True for cables that carry nothing, ``(n_runs, n_members)``.
+    residual, lowest_eigenvalue
+        Certificate of each run, ``(n_runs,)``.
+    steps, iterations
+        Increments and Newton solves after the stages, ``(n_runs,)``.
+    seconds
+        Time spent on each run, ``(n_runs,)``; an equal share of it for runs in lockstep.
+    """
+
+    status: np.ndarray[Any, np.dtype[np.object_]]
+    reason: np.ndarray[Any, np.dtype[np.object_]]
+    nodes: FloatArray
+    start: FloatArray
+    tensions: FloatArray
+    slack: BoolArray
+    residual: FloatArray
+    lowest_eigenvalue: FloatArray
+    steps: IndexArray
+    iterations: IndexArray
+    seconds: FloatArray
+
+    def take(self, run: int, path: EquilibriumPath, seconds: float) -> None:
+        """Take over one run that was followed alone."""
+        final = path.final
+        self.status[run], self.reason[run] = str(path.status), path.reason
+        self.nodes[run], self.tensions[run], self.slack[run] = final.nodes, final.tensions, final.slack
+        self.residual[run], self.lowest_eigenvalue[run] = final.residual, final.lowest_eigenvalue
+        self.steps[run], self.iterations[run], self.seconds[run] = final.steps, final.iterations, seconds
+        if len(self.start) > 1:
+            self.start[run] = path.stages[-1].nodes
+
+
+def solve_block(
+    structure: Structure,
+    inputs: Actuation,
+    variants: Variants,
+    shared: Prepared | None,
+    threads: int,
+    settings: PathSettings,
+) -> RunResults:
+    """Solve one block of runs.
+
+    Parameters
+    ----------
+    structure, inputs, variants
+        The runs.
+    shared
+        The structure solved through its stages, where all runs start there; None where they differ
+        from the first stage on.
+    threads
+        Threads to share the runs in lockstep.
+    settings
+        How a run that leaves the plain course is followed.
+    """
+    began = time.perf_counter()
+    n_runs = n_runs_of(inputs, variants)
+    base = shared or prepare(structure, settings=settings)
+    block, done = _in_lockstep(structure, base, inputs, variants, n_runs, threads)
+    block.seconds[:] = (time.perf_counter() - began) / max(n_runs, 1)
+    for run in np.flatnonzero(~done):
+        began = time.perf_counter()
+        prepared = shared or prepare(varied_structure(structure, variants, int(run)), settings=settings)
+        block.take(int(run), actuate(prepared, _scalars(inputs, int(run))), time.perf_counter() - began)
+    return block
+
+
+def _in_lockstep(
+    structure: Structure, base: Prepared, inputs: Actuation, variants: Variants, n_runs: int, threads: int
+) -> tuple[RunResults, BoolArray]:
+    """Solve what goes the plain course; return the results and which runs have one."""
+    arrays = varied_arrays(structure, base.arrays, variants)
+    done = np.zeros(n_runs, dtype=np.bool_)
+    block = _empty(base, n_runs, starts=n_runs if variants.vary else 1)
+    last = base.equilibria[-1]
+    plain = base.settings.path == "adaptive" and last.succeeded
+    if not plain or n_runs == 0 or not (inputs.acts or variants.vary):
+        return block, done
+    solver = _solver(structure, arrays, last.nodes, base.inputs, threads)
+    if not solver.serves:
+        return block, done
+    if variants.vary:
+        block.start[:], done = _stages_in_lockstep(structure, arrays, solver, n_runs)
+    else:
+        done[:] = True
+    stage, _ = actuation_inputs(structure, arrays, _inputs_before(structure, arrays), inputs)
+    outcome = solver.follow(stage, block.start, n_runs)
+    done &= outcome.done > 0
+    worst = Status.STABLE if all(e.status is Status.STABLE for e in base.equilibria) else Status.SNAPPED
+    block.status[:] = str(worst)
+    block.reason[:] = "; ".join(e.reason for e in base.equilibria if e.reason)
+    block.nodes[:], block.tensions[:] = outcome.nodes.reshape(block.nodes.shape), outcome.tensions
+    block.slack[:] = base.arrays.is_cable & (outcome.tensions == 0.0)
+    block.residual[:], block.lowest_eigenvalue[:] = outcome.residual, outcome.lowest_eigenvalue
+    block.steps[:], block.iterations[:] = outcome.steps, outcome.iterations
+    return block, done
+
+
+def _stages_in_lockstep(
+    structure: Structure, arrays: StructureArrays, solver: LockstepSolver, n_runs: int
+) -> tuple[FloatArray, BoolArray]:
+    """Take the varied structures through their stages; return the positions and which runs got there."""
+    done = np.ones(n_runs, dtype=np.bool_)
+    before, nodes = initial_inputs(arrays), arrays.coordinates[None]
+    for index, (_, after) in enumerate(stage_targets(structure, arrays)):
+        stage = stage_inputs(arrays, before, after)
+        if index == 0:
+            stage = stage.balanced_by(_internal_forces(arrays, stage.rest_length[..., 0]))
+        outcome = solver.follow(stage, nodes, n_runs)
+        done &= outcome.done > 0
+        before, nodes = after, outcome.nodes.reshape(n_runs, -1, 3)
+    return nodes, done
+
+
+def _internal_forces(arrays: StructureArrays, rest_length: FloatArray) -> FloatArray:
+    """Return the forces of all members at the given coordinates, ``(n_runs, n_nodes, 3)``."""
+    first, second = arrays.segment_nodes.T
+    along = arrays.coordinates[second] - arrays.coordinates[first]
+    lengths = np.linalg.norm(along, axis=1)
+    total = np.add.reduceat(lengths, arrays.segment_start[:-1])
+    tension = arrays.stiffness * (total / rest_length - 1.0)
+    tension = np.where(arrays.is_cable, np.maximum(tension, 0.0), tension)
+    pull = np.repeat(tension, arrays.n_segments, axis=-1)[..., None] * (along / lengths[:, None])
+    force = np.zeros((arrays.n_nodes, *tension.shape[:-1], 3))
+    np.add.at(force, second, np.moveaxis(pull, -2, 0))
+    np.subtract.at(force, first, np.moveaxis(pull, -2, 0))
+    return np.where(arrays.free, np.moveaxis(force, 0, -2), 0.0)
+
+
+def _solver(
+    structure: Structure, arrays: StructureArrays, nodes: FloatArray, inputs: Inputs, threads: int
+) -> LockstepSolver:
+    """Build the solver with the softest modes at one position, a good guess for all runs."""
+    plain = structure_arrays(structure)
+    tangent = Tangent(plain)
+    rest_length = effective_rest_length(plain, inputs)
+    tangent.measure(nodes, rest_length.reshape(-1, plain.n_members)[0], plain.stiffness)
+    modes = tangent.spectrum(SOFT_MODES).vectors
+    return LockstepSolver(arrays, tangent.pattern, modes, threads)
+
+
+def _inputs_before(structure: Structure, arrays: StructureArrays) -> Inputs:
+    """Return the inputs at the end of the stages."""
+    return stage_targets(structure, arrays)[-1][1]
+
+
+def _inputs_after(structure: Structure, arrays: StructureArrays, inputs: Actuation) -> Inputs:
+    """Return the inputs at the end of the actuation."""
+    return actuation_inputs(structure, arrays, _inputs_before(structure, arrays), inputs)[1]
+
+
+def _at_rest(arrays: StructureArrays, inputs: Inputs) -> StageInputs:
+    """Return a stage along which nothing changes: what is left is to certify and differentiate."""
+    force = nodal_forces(arrays, inputs)
+    rest_length = effective_rest_length(arrays, inputs)[..., None]
+    return StageInputs(rest_length, force, force, inputs.positions, inputs.positions)
+
+
+def differentiate_block(
+    structure: Structure,
+    inputs: Actuation,
+    variants: Variants,
+    nodes: FloatArray,
+    stands: BoolArray,
+    threads: int,
+    of: ParameterKind,
+    name: object,
+) -> Derivative:
+    """Differentiate solved runs: in lockstep where the factor can be had for all of them at once.
+
+    Parameters
+    ----------
+    structure, inputs, variants
+        The runs.
+    nodes, stands
+        Their positions, ``(n_runs, n_nodes, 3)``, and which of them are stable.
+    threads
+        Threads to share the runs.
+    of, name
+        The parameter, as in `direction_of`.
+    """
+    result = Derivative(np.full(nodes.shape, np.nan), np.full((len(nodes), structure.n_members), np.nan))
+    if of in LOCKSTEP_KINDS and np.any(stands):
+        arrays = varied_arrays(structure, structure_arrays(structure), variants)
+        after = _inputs_after(structure, arrays, inputs)
+        direction = direction_of(Given(structure, arrays, after, inputs), of, name)
+        solver = _solver(structure, arrays, nodes[stands][0], after, threads)
+        if solver.serves:
+            outcome = solver.follow(_at_rest(arrays, after), nodes, len(nodes), direction)
+            result.nodes[:] = outcome.nodes_by[:, 0].reshape(nodes.shape)
+            result.tensions[:] = outcome.tensions_by[:, 0]
+    for run in np.flatnonzero(stands & np.isnan(result.tensions[:, 0])):
+        alone = _differentiate_alone(structure, inputs, variants, int(run), nodes[run], of, name)
+        result.nodes[run], result.tensions[run] = alone.nodes, alone.tensions
+    result.nodes[~stands], result.tensions[~stands] = np.nan, np.nan
+    return result
+
+
+def _differentiate_alone(
+    structure: Structure,
+    inputs: Actuation,
+    variants: Variants,
+    run: int,
+    nodes: FloatArray,
+    of: ParameterKind,
+    name: object,
+) -> Derivative:
+    varied, alone = varied_structure(structure, variants, run), _scalars(inputs, run)
+    arrays = structure_arrays(varied)
+    after = _inputs_after(varied, arrays, alone)
+    load = Load(effective_rest_length(arrays, after), arrays.stiffness, nodal_forces(arrays, after))
+    tangent = Tangent(arrays)
+    settle_tangent(tangent, nodes, load)
+    return differentiate(tangent, load, direction_of(Given(varied, arrays, after, alone), of, name))
+
+
+def _empty(base: Prepared, n_runs: int, starts: int) -> RunResults:
+    arrays = base.arrays
+    return RunResults(
+        status=np.full(n_runs, str(Status.FAILED), dtype=np.object_),
+        reason=np.full(n_runs, "", dtype=np.object_),
+        nodes=np.full((n_runs, arrays.n_nodes, 3), np.nan),
+        start=np.tile(base.equilibria[-1].nodes, (starts, 1, 1)),
+        tensions=np.full((n_runs, arrays.n_members), np.nan),
+        slack=np.zeros((n_runs, arrays.n_members), dtype=np.bool_),
+        residual=np.full(n_runs, np.nan),
+        lowest_eigenvalue=np.full(n_runs, np.nan),
+        steps=np.zeros(n_runs, dtype=np.int64),
+        iterations=np.zeros(n_runs, dtype=np.int64),
+        seconds=np.zeros(n_runs),
+    )
+
+
+def part(inputs: Actuation, runs: slice) -> Actuation:
+    """Return the inputs of some runs."""
+    return Actuation(*({name: np.asarray(v)[runs] for name, v in group.items()} for group in inputs.groups()))
+
+
+def _scalars(inputs: Actuation, run: int) -> Actuation:
+    """Return the inputs of one run, as numbers."""
+    return Actuation(*({name: float(np.asarray(v)[run]) for name, v in g.items()} for g in inputs.groups()))
+
+
+def n_runs_of(inputs: Actuation, variants: Variants) -> int:
+    """Return the number of runs, or raise `ModelError` where the columns differ in length."""
+    columns = [
+        (name, np.asarray(v)) for group in (*inputs.groups(), *variants.groups()) for name, v in group.items()
+    ]
+    n_runs = len(columns[0][1]) if columns else 1
+    for name, values in columns:
+        if np.shape(values) != (n_runs,):
+            raise ModelError.at(str(name), np.shape(values), f"one value for each of the {n_runs} runs")
+    return n_runs
