@@ -4,6 +4,7 @@ Results go to stdout, everything else to stderr. The exit code is 0 where the wo
 number could not be found (what was found is written all the same) and 2 where the input is wrong.
 """
 
+import json
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -133,9 +134,16 @@ def run(
             "--campaign", "-o", help="Folder of the campaign; runs/ and the file's name if left out."
         ),
     ] = None,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Number of processes.")] = 2,
+    workers: Annotated[
+        int,
+        typer.Option("--workers", min=1, help="Processes of a local Dask cluster; 1: this one."),
+    ] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, such as tcp://node7:8786."),
+    ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Tell what would be done, and do nothing.")
+        bool, typer.Option("--dry-run", help="Tell what would be done and how long it takes; do nothing.")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -143,18 +151,44 @@ def run(
     from tensegra.progress import progress
     from tensegra.report.check import check_study
     from tensegra.report.pipeline import carry_out
-    from tensegra.study import read_study
+    from tensegra.study import pending_points, probe, read_study
     from tensegra.terminal import show_results, show_study_check
 
     asked = read_study(study)
-    if dry_run:
-        show_study_check(check_study(asked), as_json=as_json)
-        return
     folder = campaign if campaign is not None else Path("runs") / study.stem
+    if dry_run:
+        check, cost = check_study(asked), probe(asked, pending_points(asked, folder), workers=workers)
+        if as_json:
+            typer.echo(json.dumps({**check.to_dict(), "cost": cost.to_dict()}, indent=1, ensure_ascii=False))
+        else:
+            show_study_check(check)
+            typer.echo(str(cost))
+        return
     with progress() as listener:
-        results = carry_out(asked, folder, workers=workers, listener=listener)
+        results = carry_out(asked, folder, workers=workers, scheduler=scheduler, listener=listener)
     show_results(results, as_json=as_json)
     raise typer.Exit(DONE if results.succeeded else NUMERICAL_FAILURE)
+
+
+@app.command()
+def design(
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="A study file.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The table, .parquet or .csv, a column for each variable.")
+    ],
+    as_json: Json = False,
+) -> None:
+    """Write the design points of a study, for use elsewhere or as a design of sampler 'file'."""
+    from tensegra.study import design_points, read_study, write_points
+
+    asked = read_study(study)
+    points = design_points(asked)
+    write_points(output, asked.input_names, points)
+    if as_json:
+        units = {variable.name: variable.unit for variable in asked.variables}
+        typer.echo(json.dumps({"points": str(output), "n_points": len(points), "units": units}, indent=1))
+    else:
+        typer.echo(f"{output}: {len(points)} points of {', '.join(asked.input_names)}")
 
 
 @app.command()
@@ -184,3 +218,23 @@ def report(
     with progress() as listener:
         written = write_report(open_campaign(campaign), output, listener=listener)
     show_report(written, as_json=as_json)
+
+
+@app.command()
+def bench(
+    quick: Annotated[bool, typer.Option("--quick", help="Smaller sizes and fewer repetitions.")] = False,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the tables to a Markdown file.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Measure how fast this machine solves, beside its limit and other programs."""
+    from tensegra.benchmark import FULL, QUICK, measure, to_markdown
+    from tensegra.progress import progress
+    from tensegra.terminal import show_benchmark
+
+    with progress() as listener:
+        benchmark = measure(QUICK if quick else FULL, listener)
+    if output is not None:
+        output.write_text(to_markdown(benchmark), encoding="utf-8")
+    show_benchmark(benchmark, as_json=as_json)

@@ -22,12 +22,14 @@ from tensegra.report.tables import (
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from tensegra.benchmark import Benchmark
     from tensegra.mechanics import EquilibriumPath
     from tensegra.report.check import StructureCheck, StudyCheck
     from tensegra.report.results import Results
     from tensegra.study import Campaign
 
 __all__ = [
+    "show_benchmark",
     "show_path",
     "show_report",
     "show_results",
@@ -139,6 +141,17 @@ def show_report(path: "Path", *, as_json: bool = False) -> None:
         _print_json({"report": str(path)})
     else:
         _print_line(str(path))
+
+
+def show_benchmark(benchmark: "Benchmark", *, as_json: bool = False) -> None:
+    """Show what a machine was measured to do."""
+    if as_json:
+        _print_json(benchmark.to_dict())
+        return
+    _print_line(f"{benchmark.machine}.")
+    _print_line()
+    for table in benchmark.tables():
+        _print_table(table)
 
 
 def _print_json(content: dict[str, Any]) -> None:

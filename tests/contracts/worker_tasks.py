@@ -2,16 +2,31 @@
 
 import os
 import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
 from pathlib import Path
+from uuid import uuid4
 
 
-def threads(_):
-    """Return the numbers of threads that this process computes on."""
-    import numba
-    import numpy as np  # noqa: F401 - brings its BLAS along
-    from threadpoolctl import threadpool_info
+def wait_a_little(number):
+    """Return the number after a while."""
+    time.sleep(0.02)
+    return number
 
-    return {numba.get_num_threads(), *(pool["num_threads"] for pool in threadpool_info())}
+
+def leave_a_mark(folder, number):
+    """Leave a file of its own in a folder, and take a while."""
+    (Path(folder) / uuid4().hex).touch()
+    time.sleep(0.02)
+    return number
+
+
+def process(_):
+    """Return the number of this process."""
+    time.sleep(0.02)
+    return os.getpid()
 
 
 def double_but_die_once(mark, number):
@@ -27,3 +42,49 @@ def double_but_die_once(mark, number):
 def die(_):
     """Kill this process."""
     os.kill(os.getpid(), signal.SIGKILL)
+
+
+def is_running(pid):
+    """Return whether a process is there and no zombie."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return state != "Z"
+
+
+@contextmanager
+def scheduler_and_worker(folder):
+    """Start a scheduler and a worker from the command line, as a cluster's administrator would."""
+    file = Path(folder) / "scheduler.json"
+    where = ["--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(file)]
+    tail = [
+        "--scheduler-file",
+        str(file),
+        "--nthreads",
+        "1",
+        "--no-dashboard",
+        "--local-directory",
+        str(folder),
+    ]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    started = []
+    try:
+        for command in (["scheduler", "--port", "0", *where], ["worker", *tail, "--death-timeout", "60"]):
+            started.append(
+                subprocess.Popen(  # noqa: S603 - our own command
+                    [sys.executable, "-m", "distributed.cli.dask_" + command[0], *command[1:]],
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    env=environment,
+                )
+            )
+            while not file.exists():
+                time.sleep(0.02)
+        import json
+
+        yield json.loads(file.read_text())["address"], started[0]
+    finally:
+        for process_ in started:
+            process_.kill()
+            process_.wait()

@@ -25,7 +25,7 @@ STUDY = {
     "variables": {"A": {"actuator": "A", "distribution": {"uniform": [0.0, 0.01]}}},
     "outputs": {"u": {"displacement": "x", "nodes": [2]}, "T": {"tension": "K1"}},
     "design": {"sampler": "sobol", "sizes": 16},
-    "selection": {"method": "status"},
+    "selection": {"method": "certificate"},
     "surrogates": {"pce": {"kind": "pce"}},
     "analyses": [
         {"propagation": {"model": "pce", "samples": 32}},
@@ -228,7 +228,78 @@ def test_a_dry_run_does_nothing(tensegra):
     code, out, _ = tensegra("run", "study.yaml", "-o", "campaign", "--dry-run")
     assert code == 0
     assert "16 points" in out
+    assert "16 runs to be done, expected in" in out
+    assert "from a probe of 16: 16 stable)" in out
+    code, out, _ = tensegra("run", "study.yaml", "-o", "campaign", "--dry-run", "--workers", "2", "--json")
+    assert code == 0
+    cost = strict(out)["cost"]
+    assert (cost["n_pending"], cost["workers"]) == (16, 2)
+    assert cost["expected_seconds"] > 0
     assert not Path("campaign").exists()
+
+
+@pytest.mark.usefixtures("_files")
+def test_a_dry_run_counts_what_is_pending(tensegra):
+    from tensegra.study import read_study
+
+    read_study("study.yaml").run("campaign")
+    code, out, _ = tensegra("run", "study.yaml", "-o", "campaign", "--dry-run")
+    assert code == 0
+    assert "Nothing is left to run." in out
+    Path("more.yaml").write_text(yaml.safe_dump(changed(STUDY, ("design", "sizes"), 32)))
+    code, out, _ = tensegra("run", "more.yaml", "-o", "campaign", "--dry-run", "--json")
+    assert strict(out)["cost"]["n_pending"] == 16
+
+
+@pytest.mark.usefixtures("_files")
+def test_design_points_are_written_and_serve_as_a_design(tensegra):
+    from tensegra.study import design_points, read_study
+
+    code, out, _ = tensegra("design", "study.yaml", "-o", "points.parquet")
+    assert (code, out) == (0, "points.parquet: 16 points of A\n")
+    code, out, _ = tensegra("design", "study.yaml", "-o", "points.csv", "--json")
+    assert strict(out) == {"points": "points.csv", "n_points": 16, "units": {"A": ""}}
+    drawn = design_points(read_study("study.yaml"))
+    for name in ("points.parquet", "points.csv"):
+        Path("again.yaml").write_text(
+            yaml.safe_dump(changed(STUDY, ("design",), {"sampler": "file", "file": name}))
+        )
+        assert (design_points(read_study("again.yaml")) == drawn).all()
+    code, _, err = tensegra("design", "study.yaml", "-o", "points.xlsx")
+    assert code == 2
+    assert "expected a file named .csv or .parquet" in err
+
+
+@pytest.mark.usefixtures("_files")
+def test_a_scheduler_gives_the_same_rows_as_this_process(tensegra):
+    from tensegra.study import open_campaign
+
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
+    ) as cluster:
+        code, out, err = tensegra(
+            "run", "study.yaml", "-o", "there", "--scheduler", cluster.scheduler_address
+        )
+    assert code == 0
+    assert "runs: 16 of 16" in err
+    assert "Outcome of 16 of 16 runs" in out
+    code, *_ = tensegra("run", "study.yaml", "-o", "here")
+    assert code == 0
+    there, here = (open_campaign(name).frame().drop(columns="seconds") for name in ("there", "here"))
+    pd.testing.assert_frame_equal(there, here, check_exact=True)
+
+
+@pytest.mark.usefixtures("_files")
+def test_a_scheduler_that_is_not_there_is_told(tensegra, monkeypatch):
+    from tensegra.study.cluster import Dask
+
+    monkeypatch.setattr(
+        "tensegra.study.driver.executor_for", lambda _, scheduler: Dask(scheduler=scheduler, patience=1.0)
+    )
+    code, out, err = tensegra("run", "study.yaml", "-o", "campaign", "--scheduler", "tcp://127.0.0.1:9")
+    assert (code, out) == (2, "")
+    assert "tcp://127.0.0.1:9: no Dask scheduler answers" in err
 
 
 @pytest.mark.usefixtures("_files")

@@ -24,7 +24,20 @@ def test_the_first_and_the_last_state_of_a_task_are_written_and_the_last_only_on
 def test_a_long_task_is_told_of_now_and_then():
     step = 0.6 * SECONDS_BETWEEN_LINES
     calls = [(i * step, "runs", i, 100, "1 failed") for i in range(5)]
-    assert told(calls) == [f"runs: {i} of 100, 1 failed\n" for i in (0, 2, 4)]
+    lines = told(calls)
+    assert lines[0] == "runs: 0 of 100, 1 failed\n"
+    # A run in six seconds.
+    assert lines[1:] == [f"runs: {i} of 100, 1 failed, 0.167/s, {6 * (100 - i)} s left\n" for i in (2, 4)]
+
+
+def test_the_pace_is_that_of_this_time_alone():
+    calls = [(0.0, "runs", 50_000, 100_000, ""), (20.0, "runs", 90_000, 100_000, "")]
+    assert told(calls)[-1] == "runs: 90000 of 100000, 2000/s, 5 s left\n"
+
+
+def test_few_parts_have_no_pace():
+    calls = [(0.0, "surrogates", 0, 3, ""), (20.0, "surrogates", 2, 3, "gpr")]
+    assert told(calls)[-1] == "surrogates: 2 of 3, gpr\n"
 
 
 def test_a_task_of_unknown_length_is_counted():

@@ -8,8 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensegra.errors import ModelError
 from tensegra.mechanics.arrays import FloatArray
-from tensegra.mechanics.block import RunResults, differentiate_block, n_runs_of, part, solve_block
+from tensegra.mechanics.block import (
+    LOCKSTEP_KINDS,
+    Parameter,
+    RunResults,
+    differentiate_block,
+    n_runs_of,
+    part,
+    solve_block,
+)
 from tensegra.mechanics.derivatives import Derivative, ParameterKind
 from tensegra.mechanics.follow import PathSettings, Policy, Procedure, path_settings
 from tensegra.mechanics.inputs import Actuation
@@ -34,6 +43,8 @@ class Batch(RunResults):
         The structure.
     inputs, variants
         What the runs prescribe after and before the stages.
+    parameters
+        What was differentiated by along with the solution, as pairs of kind and name.
     threads
         Threads for what is still computed on demand, such as derivatives.
     """
@@ -41,6 +52,7 @@ class Batch(RunResults):
     structure: Structure
     inputs: Actuation
     variants: Variants
+    parameters: tuple[Parameter, ...] = ()
     threads: int = 1
 
     def __repr__(self) -> str:
@@ -86,6 +98,9 @@ class Batch(RunResults):
     def derivative(self, name: object, of: ParameterKind = "actuation") -> Derivative:
         """Differentiate positions and tensions of all runs by one parameter, exactly.
 
+        At next to no cost for what `solve_batch` was asked to differentiate by; otherwise the runs
+        are certified once more.
+
         Parameters
         ----------
         name, of
@@ -109,6 +124,9 @@ class Batch(RunResults):
         >>> runs.derivative("A14").nodes.shape
         (2, 24, 3)
         """
+        if (of, name) in self.parameters:
+            q = self.parameters.index((of, name))
+            return Derivative(self.nodes_by[:, q], self.tensions_by[:, q])
         blocks = [
             differentiate_block(
                 self.structure,
@@ -141,6 +159,7 @@ def solve_batch(
     youngs_modulus: Mapping[str, ArrayLike] | None = None,
     area: Mapping[str, ArrayLike] | None = None,
     rest_length: Mapping[str, ArrayLike] | None = None,
+    derivatives: Sequence[object] = (),
     path: Procedure | None = None,
     policy: Policy | None = None,
     threads: int | None = None,
@@ -169,6 +188,10 @@ def solve_batch(
         By member: rest length before the stages.
     threads
         Threads to share the runs; one a core where left out. Results do not depend on it.
+    derivatives
+        What to differentiate by along with the solution: names of actuators, of members or groups
+        (temperature), or pairs such as ``("load", ("9", "z"))`` of one of `LOCKSTEP_KINDS` and a
+        name. `Batch.derivative` gives them.
     path
         ``adaptive``, the default, or ``stepped``: all runs by the plain procedure of the source.
     policy
@@ -194,9 +217,10 @@ def solve_batch(
     variants = Variants(*(_columns(group) for group in (youngs_modulus, area, rest_length)))
     n_runs = n_runs_of(inputs, variants)
     variants.check(structure)
+    parameters = tuple(_parameter(structure, asked) for asked in derivatives)
     shared = None if variants.vary else prepare(structure, settings=settings)
     blocks = [
-        solve_block(structure, part(inputs, runs), variants.part(runs), shared, threads, settings)
+        solve_block(structure, part(inputs, runs), variants.part(runs), parameters, shared, threads, settings)
         for runs in _blocks(n_runs)
     ]
     columns = {
@@ -205,7 +229,28 @@ def solve_batch(
     }
     if shared is not None:
         columns["start"] = blocks[0].start
-    return Batch(structure=structure, inputs=inputs, variants=variants, threads=threads, **columns)
+    return Batch(
+        structure=structure,
+        inputs=inputs,
+        variants=variants,
+        parameters=parameters,
+        threads=threads,
+        **columns,
+    )
+
+
+def _parameter(structure: Structure, asked: object) -> Parameter:
+    """Return the kind and the name of a parameter: an actuator, else a temperature, or what is said."""
+    if isinstance(asked, tuple) and len(asked) == 2:
+        if asked[0] not in LOCKSTEP_KINDS:
+            raise ModelError.at("derivatives", asked[0], "a kind of parameter", candidates=LOCKSTEP_KINDS)
+        return asked
+    if asked in structure.actuators:
+        return "actuation", asked
+    known = (*structure.actuators, *structure.groups, *structure.members)
+    if asked not in known:
+        raise ModelError.at("derivatives", asked, "an actuator, a group or a member", candidates=known)
+    return "temperature", asked
 
 
 def _blocks(n_runs: int) -> list[slice]:

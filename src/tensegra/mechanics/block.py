@@ -5,6 +5,7 @@ is lost.
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,6 +47,8 @@ from tensegra.mechanics.tangent import Tangent
 from tensegra.mechanics.variants import Variants, varied_arrays, varied_structure
 from tensegra.structure import Structure
 
+Parameter = tuple[ParameterKind, object]
+
 LOCKSTEP_KINDS = ("actuation", "temperature", "rest_length", "stiffness", "load")
 """Parameters whose derivative is taken for many runs at once."""
 
@@ -73,6 +76,9 @@ class RunResults:
         Increments and Newton solves after the stages, ``(n_runs,)``.
     seconds
         Time spent on each run, ``(n_runs,)``; an equal share of it for runs in lockstep.
+    nodes_by, tensions_by
+        Derivatives by the parameters asked for, ``(n_runs, n_parameters, n_nodes, 3)`` and
+        ``(n_runs, n_parameters, n_members)``; NaN where a run does not stand.
     """
 
     status: np.ndarray[Any, np.dtype[np.object_]]
@@ -86,15 +92,24 @@ class RunResults:
     steps: IndexArray
     iterations: IndexArray
     seconds: FloatArray
+    nodes_by: FloatArray
+    tensions_by: FloatArray
 
-    def take(self, run: int, path: EquilibriumPath, seconds: float) -> None:
-        """Take over one run that was followed alone."""
+    def take(
+        self, run: int, path: EquilibriumPath, parameters: Sequence[Parameter], *, own_start: bool
+    ) -> None:
+        """Take over one run that was followed alone, from the start of all runs or from its own."""
         final = path.final
         self.status[run], self.reason[run] = str(path.status), path.reason
         self.nodes[run], self.tensions[run], self.slack[run] = final.nodes, final.tensions, final.slack
         self.residual[run], self.lowest_eigenvalue[run] = final.residual, final.lowest_eigenvalue
-        self.steps[run], self.iterations[run], self.seconds[run] = final.steps, final.iterations, seconds
-        if len(self.start) > 1:
+        self.steps[run], self.iterations[run] = final.steps, final.iterations
+        for q, (kind, name) in enumerate(parameters):
+            self.nodes_by[run, q], self.tensions_by[run, q] = np.nan, np.nan
+            if final.succeeded:
+                by = path.derivative(name, kind)
+                self.nodes_by[run, q], self.tensions_by[run, q] = by.nodes, by.tensions
+        if own_start:
             self.start[run] = path.stages[-1].nodes
 
 
@@ -102,6 +117,7 @@ def solve_block(
     structure: Structure,
     inputs: Actuation,
     variants: Variants,
+    parameters: Sequence[Parameter],
     shared: Prepared | None,
     threads: int,
     settings: PathSettings,
@@ -112,6 +128,8 @@ def solve_block(
     ----------
     structure, inputs, variants
         The runs.
+    parameters
+        What to differentiate by.
     shared
         The structure solved through its stages, where all runs start there; None where they differ
         from the first stage on.
@@ -123,22 +141,30 @@ def solve_block(
     began = time.perf_counter()
     n_runs = n_runs_of(inputs, variants)
     base = shared or prepare(structure, settings=settings)
-    block, done = _in_lockstep(structure, base, inputs, variants, n_runs, threads)
+    block, done = _in_lockstep(structure, base, inputs, variants, parameters, threads)
     block.seconds[:] = (time.perf_counter() - began) / max(n_runs, 1)
     for run in np.flatnonzero(~done):
         began = time.perf_counter()
         prepared = shared or prepare(varied_structure(structure, variants, int(run)), settings=settings)
-        block.take(int(run), actuate(prepared, _scalars(inputs, int(run))), time.perf_counter() - began)
+        path = actuate(prepared, _scalars(inputs, int(run)))
+        block.take(int(run), path, parameters, own_start=variants.vary)
+        block.seconds[run] = time.perf_counter() - began
     return block
 
 
 def _in_lockstep(
-    structure: Structure, base: Prepared, inputs: Actuation, variants: Variants, n_runs: int, threads: int
+    structure: Structure,
+    base: Prepared,
+    inputs: Actuation,
+    variants: Variants,
+    parameters: Sequence[Parameter],
+    threads: int,
 ) -> tuple[RunResults, BoolArray]:
     """Solve what goes the plain course; return the results and which runs have one."""
+    n_runs = n_runs_of(inputs, variants)
     arrays = varied_arrays(structure, base.arrays, variants)
     done = np.zeros(n_runs, dtype=np.bool_)
-    block = _empty(base, n_runs, starts=n_runs if variants.vary else 1)
+    block = _empty(base, n_runs, n_runs if variants.vary else 1, len(parameters))
     last = base.equilibria[-1]
     plain = base.settings.path == "adaptive" and last.succeeded
     if not plain or n_runs == 0 or not (inputs.acts or variants.vary):
@@ -150,8 +176,10 @@ def _in_lockstep(
         block.start[:], done = _stages_in_lockstep(structure, arrays, solver, n_runs)
     else:
         done[:] = True
-    stage, _ = actuation_inputs(structure, arrays, _inputs_before(structure, arrays), inputs)
-    outcome = solver.follow(stage, block.start, n_runs)
+    stage, after = actuation_inputs(structure, arrays, _inputs_before(structure, arrays), inputs)
+    given = Given(structure, arrays, after, inputs)
+    directions = [direction_of(given, kind, name) for kind, name in parameters]
+    outcome = solver.follow(stage, block.start, n_runs, directions)
     done &= outcome.done > 0
     worst = Status.STABLE if all(e.status is Status.STABLE for e in base.equilibria) else Status.SNAPPED
     block.status[:] = str(worst)
@@ -160,6 +188,8 @@ def _in_lockstep(
     block.slack[:] = base.arrays.is_cable & (outcome.tensions == 0.0)
     block.residual[:], block.lowest_eigenvalue[:] = outcome.residual, outcome.lowest_eigenvalue
     block.steps[:], block.iterations[:] = outcome.steps, outcome.iterations
+    block.nodes_by[:] = outcome.nodes_by.reshape(block.nodes_by.shape)
+    block.tensions_by[:] = outcome.tensions_by
     return block, done
 
 
@@ -253,7 +283,7 @@ def differentiate_block(
         direction = direction_of(Given(structure, arrays, after, inputs), of, name)
         solver = _solver(structure, arrays, nodes[stands][0], after, threads)
         if solver.serves:
-            outcome = solver.follow(_at_rest(arrays, after), nodes, len(nodes), direction)
+            outcome = solver.follow(_at_rest(arrays, after), nodes, len(nodes), [direction])
             result.nodes[:] = outcome.nodes_by[:, 0].reshape(nodes.shape)
             result.tensions[:] = outcome.tensions_by[:, 0]
     for run in np.flatnonzero(stands & np.isnan(result.tensions[:, 0])):
@@ -281,13 +311,13 @@ def _differentiate_alone(
     return differentiate(tangent, load, direction_of(Given(varied, arrays, after, alone), of, name))
 
 
-def _empty(base: Prepared, n_runs: int, starts: int) -> RunResults:
+def _empty(base: Prepared, n_runs: int, n_starts: int, n_parameters: int) -> RunResults:
     arrays = base.arrays
     return RunResults(
         status=np.full(n_runs, str(Status.FAILED), dtype=np.object_),
         reason=np.full(n_runs, "", dtype=np.object_),
         nodes=np.full((n_runs, arrays.n_nodes, 3), np.nan),
-        start=np.tile(base.equilibria[-1].nodes, (starts, 1, 1)),
+        start=np.tile(base.equilibria[-1].nodes, (n_starts, 1, 1)),
         tensions=np.full((n_runs, arrays.n_members), np.nan),
         slack=np.zeros((n_runs, arrays.n_members), dtype=np.bool_),
         residual=np.full(n_runs, np.nan),
@@ -295,6 +325,8 @@ def _empty(base: Prepared, n_runs: int, starts: int) -> RunResults:
         steps=np.zeros(n_runs, dtype=np.int64),
         iterations=np.zeros(n_runs, dtype=np.int64),
         seconds=np.zeros(n_runs),
+        nodes_by=np.full((n_runs, n_parameters, arrays.n_nodes, 3), np.nan),
+        tensions_by=np.full((n_runs, n_parameters, arrays.n_members), np.nan),
     )
 
 

@@ -6,8 +6,8 @@ The derivative is that of the branch: it ends where the branch ends, and where a
 slack it holds on one side.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -137,10 +137,23 @@ class Given:
     run: Actuation
 
     def nothing(self) -> Direction:
-        """Return the direction in which nothing changes, of as many runs as the inputs have."""
-        runs = np.broadcast_shapes(self.inputs.rest_length.shape[:-1], self.inputs.temperature.shape[:-1])
-        members, nodes = (*runs, self.arrays.n_members), (*runs, self.arrays.n_nodes, 3)
+        """Return the direction in which nothing changes, the same for all runs."""
+        members, nodes = self.arrays.n_members, (self.arrays.n_nodes, 3)
         return Direction(np.zeros(members), np.zeros(members), np.zeros(nodes), np.zeros(nodes))
+
+    def along_rest_length(self, rows: Sequence[int], rates: FloatArray) -> Direction:
+        """Return the direction in which the rest lengths of some members change, run by run.
+
+        Parameters
+        ----------
+        rows
+            Places of the members.
+        rates
+            Of their effective rest lengths, shape ``(…, len(rows))``.
+        """
+        rest_length = np.zeros((*rates.shape[:-1], self.arrays.n_members))
+        rest_length[..., rows] = rates
+        return replace(self.nothing(), rest_length=rest_length)
 
     def known(self, name: object, names: Mapping[str, object], what: str) -> str:
         """Return `name` as text, or raise `ModelError` where it is not among `names`."""
@@ -174,31 +187,25 @@ def direction_of(given: Given, kind: ParameterKind, name: object) -> Direction:
 def _by_actuation(given: Given, name: object) -> Direction:
     actuator = given.structure.actuators[given.known(name, given.structure.actuators, "an actuator")]
     factor = np.asarray(actuator.factor(given.run.actuation.get(str(name), 0.0)))  # type: ignore[arg-type]
-    direction = given.nothing()
-    rows = [given.arrays.member_index[member] for member in actuator.members]
-    rest_length = effective_rest_length(given.arrays, given.inputs)
     slope = actuator.factor(1.0) - actuator.factor(0.0)
-    direction.rest_length[..., rows] = rest_length[..., rows] * slope / factor[..., None]
-    return direction
+    rows = [given.arrays.member_index[member] for member in actuator.members]
+    rest_length = effective_rest_length(given.arrays, given.inputs)[..., rows]
+    return given.along_rest_length(rows, rest_length * slope / factor[..., None])
 
 
 def _by_temperature(given: Given, name: object) -> Direction:
-    direction = given.nothing()
-    for member in given.structure.members_named(str(name)):
-        row = given.arrays.member_index[member]
-        alpha = given.arrays.thermal_expansion[row]
-        direction.rest_length[..., row] = given.inputs.rest_length[..., row] * alpha
-    return direction
+    rows = [given.arrays.member_index[member] for member in given.structure.members_named(str(name))]
+    alpha = given.arrays.thermal_expansion[rows]
+    return given.along_rest_length(rows, given.inputs.rest_length[..., rows] * alpha)
 
 
 def _by_rest_length(given: Given, name: object) -> Direction:
     member = given.known(name, given.structure.members, "a member")
-    direction = given.nothing()
-    if not any(member in stage.rest_lengths for stage in given.structure.stages):
-        row = given.arrays.member_index[member]
-        rest_length = effective_rest_length(given.arrays, given.inputs)
-        direction.rest_length[..., row] = rest_length[..., row] / given.arrays.rest_length[..., row]
-    return direction
+    if any(member in stage.rest_lengths for stage in given.structure.stages):
+        return given.nothing()
+    rows = [given.arrays.member_index[member]]
+    rest_length = effective_rest_length(given.arrays, given.inputs)
+    return given.along_rest_length(rows, rest_length[..., rows] / given.arrays.rest_length[..., rows])
 
 
 def _by_stiffness(given: Given, name: object) -> Direction:

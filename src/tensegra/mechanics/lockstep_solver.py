@@ -1,7 +1,7 @@
 """The way from stage inputs of many runs to `follow_runs` on several threads."""
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from threading import Timer
@@ -54,7 +54,7 @@ class LockstepSolver:
         return not len(self.pattern.low_rank_member) and len(self.modes) == SOFT_MODES
 
     def follow(
-        self, stage: StageInputs, start: FloatArray, n_runs: int, directions: Direction | None = None
+        self, stage: StageInputs, start: FloatArray, n_runs: int, directions: Sequence[Direction] = ()
     ) -> Outcome:
         """Follow all runs from their equilibria at λ = 0 to λ = 1.
 
@@ -67,7 +67,7 @@ class LockstepSolver:
         n_runs
             Number of runs.
         directions
-            Changes of the inputs to differentiate by, with a leading axis ``(n_runs | 1, …)``.
+            Changes of the inputs to differentiate by, with or without a leading axis of runs.
 
         Returns
         -------
@@ -76,9 +76,7 @@ class LockstepSolver:
         """
         arrays, pattern = self.arrays, self.pattern
         n, m = 3 * arrays.n_nodes, arrays.n_members
-        n_directions = 0 if directions is None else 1
-        nothing = Direction(np.zeros((1, m)), np.zeros((1, m)), np.zeros((1, arrays.n_nodes, 3)), np.zeros(0))
-        by = directions or nothing
+        n_directions = len(directions)
         rest_length = np.broadcast_to(stage.rest_length, (n_runs, *stage.rest_length.shape[-2:]))
         runs = Runs(
             start=_rows(start, n),
@@ -88,9 +86,9 @@ class LockstepSolver:
             loads_rate=_rows(stage.loads_end - stage.loads_start, n),
             support_rate=_rows(stage.positions_end - stage.positions_start, n),
             modes=self.modes,
-            by_rest_length=_rows(by.rest_length, m)[:, None][:, :n_directions],
-            by_stiffness=_rows(by.stiffness, m)[:, None][:, :n_directions],
-            by_force=_rows(by.force, n)[:, None][:, :n_directions],
+            by_rest_length=_stacked([_rows(by.rest_length, m) for by in directions], m),
+            by_stiffness=_stacked([_rows(by.stiffness, m) for by in directions], m),
+            by_force=_stacked([_rows(by.force, n) for by in directions], n),
         )
         outcome = Outcome(
             done=np.zeros(n_runs, dtype=np.int64),
@@ -134,6 +132,14 @@ def _told_while_compiling() -> Iterator[None]:
         yield
     finally:
         notice.cancel()
+
+
+def _stacked(fields: Sequence[FloatArray], width: int) -> FloatArray:
+    """Return fields over the runs side by side, ``(n_runs | 1, n_fields, width)``."""
+    if not any(np.any(field) for field in fields):
+        return np.zeros((1, len(fields), 0))  # the kernel skips what has no width
+    n_rows = max(len(field) for field in fields)
+    return np.stack([np.broadcast_to(field, (n_rows, width)) for field in fields], axis=1)
 
 
 def _rows(values: FloatArray, width: int) -> FloatArray:

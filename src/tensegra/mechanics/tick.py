@@ -226,6 +226,8 @@ def certify(topology, runs, outcome, lanes, run, action):
         for lane in range(WIDTH):
             if action[lane] == FINISH:
                 outcome.lowest_eigenvalue[run[lane]] = 1.0 / _largest_of_three(lanes.measure_of, lane)
+    stiffens, pushes = runs.by_stiffness.shape[2] > 0, runs.by_force.shape[2] > 0
+    lengthens = runs.by_rest_length.shape[2] > 0
     for q in range(runs.by_force.shape[1]):
         for lane in range(WIDTH):
             r = max(run[lane], 0)
@@ -233,10 +235,18 @@ def certify(topology, runs, outcome, lanes, run, action):
             by_force = row_of(runs.by_force, r)
             for e in range(lanes.pull.shape[0]):
                 ratio = lanes.length[e, lane] / lanes.rest_length[e, lane]
-                by_length = lanes.axial[e, lane] * ratio * by_rest_length[q, e]
-                lanes.pull[e, lane] = lanes.taut[e, lane] * (ratio - 1.0) * by_stiffness[q, e] - by_length
+                pull = 0.0
+                if lengthens:
+                    pull -= lanes.axial[e, lane] * ratio * by_rest_length[q, e]
+                if stiffens:
+                    pull += lanes.taut[e, lane] * (ratio - 1.0) * by_stiffness[q, e]
+                lanes.pull[e, lane] = pull
+            if pushes:
+                for i in range(lanes.motion.shape[0]):
+                    lanes.motion[i, lane] = by_force[q, i]
+        if not pushes:
             for i in range(lanes.motion.shape[0]):
-                lanes.motion[i, lane] = by_force[q, i]
+                store(lanes.motion, i, zero(lanes.x))
         kernels.internal_force(
             lanes.unit, lanes.pull, topology.segment_nodes, topology.segment_start, lanes.push
         )

@@ -50,7 +50,13 @@ def deaf(task: str, done: int, total: int, note: str = "", /) -> None:
 
 
 def carry_out(
-    study: Study, folder: str | Path, *, workers: int = 2, listener: Listener = deaf, resume: bool = True
+    study: Study,
+    folder: str | Path,
+    *,
+    workers: int = 1,
+    scheduler: str | None = None,
+    listener: Listener = deaf,
+    resume: bool = True,
 ) -> Results:
     """Run a study's design, fit its surrogates and carry out its analyses, all in a folder.
 
@@ -63,7 +69,9 @@ def carry_out(
     folder
         The campaign's folder, created or resumed.
     workers
-        Number of processes of the campaign.
+        Processes of a local Dask cluster that solve the runs; 1 for this one, on all its threads.
+    scheduler
+        Address of a Dask scheduler instead.
     listener
         Told of the progress.
     resume
@@ -81,7 +89,7 @@ def carry_out(
     """
     require_sound(study)
     began = time.perf_counter()
-    # Compiled here once, and kept on the disk: each of the processes would do it for itself.
+    # Compiled here once, and kept on the disk: each worker would do it for itself.
     listener("kernels", 0, 1, "compiled once, which may take half a minute")
     study.evaluate(design_points(study)[:1])
     listener("kernels", 1, 1)
@@ -90,7 +98,7 @@ def carry_out(
     def runs_done(done: int, total: int, failed: int) -> None:
         listener("runs", done, total, f"{failed} failed" if failed else "")
 
-    campaign = study.run(folder, workers, progress=runs_done)
+    campaign = study.run(folder, workers, scheduler=scheduler, progress=runs_done)
     index = Index.read(campaign.folder) if resume else Index()
     index.failures, index.workers = [], workers
     index.seconds["campaign"] = time.perf_counter() - compiled

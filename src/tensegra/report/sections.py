@@ -126,11 +126,9 @@ class Writer:
         study, frame = self.study, self.frame
         selection = self.campaign.select(frame)
         section = Section("Selection", "selection", tables=[agreement_table(selection)])
-        by = "certified by the solver"
-        if study.selection.method == "hdbscan":
-            least = study.selection.min_cluster_size
-            by += f" and in the largest group of outputs (HDBSCAN, groups of at least {least} runs)"
-        section.paragraphs.append(f"{selection.n_kept} of {len(frame)} runs are learned from: {by}.")
+        section.paragraphs.append(
+            f"{selection.n_kept} of {len(frame)} runs are learned from: those {selection.rule}."
+        )
         if selection.note:
             section.paragraphs.append(f"{selection.note}.")
         drawing = figures.selection_figure(study, frame, selection)

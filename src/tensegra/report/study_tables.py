@@ -331,7 +331,7 @@ def provenance_table(results: "Results") -> Table:
     times = [f"runs {index.seconds['campaign']:.1f}"] if "campaign" in index.seconds else []
     times += [f"{stored.name}{by(stored)} {stored.seconds:.1f}" for stored in results.analyses]
     if "total" in index.seconds:
-        times.append(f"in all, the last time, {index.seconds['total']:.1f} in {index.workers} processes")
+        times.append(f"in all, the last time, {index.seconds['total']:.1f}")
     rows.append(("Times [s]", "; ".join(times)))
     rows += [("Could not be had", failure) for failure in index.failures]
     return Table.of("Fingerprints, seed, versions, times", ("", ""), rows, "sl")

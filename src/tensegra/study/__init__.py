@@ -2,16 +2,19 @@
 
 from tensegra.study.analyses import AnalysisEntry, SurrogateEntry
 from tensegra.study.campaign import Campaign, CampaignState, open_campaign
+from tensegra.study.cost import Probe, probe
 from tensegra.study.data import TrainingData
 from tensegra.study.distributions import Distribution, as_distribution
+from tensegra.study.driver import pending_points
 from tensegra.study.evaluate import Runs, evaluate
-from tensegra.study.executors import Executor, InProcess, Processes
+from tensegra.study.executors import Executor, InProcess
 from tensegra.study.outputs import Output
 from tensegra.study.points import write_points
 from tensegra.study.reading import parse_study, read_study
 from tensegra.study.sampling import unit_points
 from tensegra.study.schema import StudyFile
 from tensegra.study.selection import Selection, select
+from tensegra.study.solver import SolverEntry
 from tensegra.study.space import Space
 from tensegra.study.study import Study, design_points
 from tensegra.study.variables import Variable
@@ -24,9 +27,10 @@ __all__ = [
     "Executor",
     "InProcess",
     "Output",
-    "Processes",
+    "Probe",
     "Runs",
     "Selection",
+    "SolverEntry",
     "Space",
     "Study",
     "StudyFile",
@@ -38,6 +42,8 @@ __all__ = [
     "evaluate",
     "open_campaign",
     "parse_study",
+    "pending_points",
+    "probe",
     "read_study",
     "select",
     "unit_points",

@@ -1,45 +1,31 @@
 """Campaigns: all runs of a study, in a folder that survives what happens to the process."""
 
+import logging
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from time import time
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegra.errors import StudyError
-from tensegra.structure import Structure
 from tensegra.study.data import TrainingData
-from tensegra.study.evaluate import Runs, Solver, evaluate
-from tensegra.study.executors import Executor, executor_for
-from tensegra.study.lock import driver_of, lock_folder
-from tensegra.study.outputs import Output
+from tensegra.study.derivatives import derivative_name
+from tensegra.study.lock import driver_of
 from tensegra.study.reading import read_study
-from tensegra.study.selection import CERTIFIED, Selection, select
+from tensegra.study.selection import Selection, select
 from tensegra.study.store import STUDY, Store, read_manifest, row_keys
 from tensegra.study.study import Study, design_points
-from tensegra.study.variables import Variable
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Campaign", "CampaignState", "open_campaign", "run_campaign"]
+__all__ = ["Campaign", "CampaignState", "open_campaign"]
 
-Array: TypeAlias = NDArray[np.float64]
-Progress: TypeAlias = Callable[[int, int, int], object]
-Block: TypeAlias = tuple[int, Array]
-
-BLOCKS_PER_CAMPAIGN = 64
-"""Blocks into which a campaign is cut, within the limits below: enough for progress and for few runs
-to be lost with a killed driver."""
-
-BLOCK_SIZES = (16, 2048)
-"""Fewer runs in a block, and starting it costs more than it does; more, and it grows out of the cache."""
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -104,22 +90,30 @@ class Campaign:
     @property
     def store(self) -> Store:
         """The folder's rows as they are stored."""
-        return Store(self.folder, self.study.input_names, self.study.output_names)
+        return Store.of(self.folder, self.study)
 
-    def frame(self) -> "pd.DataFrame":
+    def frame(self, columns: Sequence[str] | None = None) -> "pd.DataFrame":
         """Return the rows that there are, in the order of the design.
+
+        Parameters
+        ----------
+        columns
+            The columns wanted beside the variables; all if left out.
 
         Returns
         -------
         DataFrame
             The index ``point`` counts the points of the design. Columns: the variables, the outputs,
-            then ``status, reason, residual, lowest_eigenvalue, steps, iterations, seconds``. A run that
-            failed has a reason, and NaN for its outputs. Rows of points that the design no longer has
-            stay in the folder and are left out here.
-        """
-        return self._in_order_of_design(None)
+            then ``status, reason, residual, lowest_eigenvalue, steps, iterations, seconds``, then the
+            derivatives such as ``dw/dA14``, if the study asks for them. A run that failed has a reason,
+            and NaN for its outputs. Rows of points that the design no longer has stay in the folder and
+            are left out here.
 
-    def _in_order_of_design(self, columns: Sequence[str] | None) -> "pd.DataFrame":
+        Raises
+        ------
+        StudyError
+            If a shard cannot be read.
+        """
         frame = self.store.read(columns)
         X = design_points(self.study)
         row_of = {
@@ -131,7 +125,7 @@ class Campaign:
         ordered.index = points
         return ordered.rename_axis(index="point")
 
-    def select(self, frame: "pd.DataFrame | None" = None) -> Selection:
+    def select(self, frame: "pd.DataFrame | None" = None, *, compare: bool = True) -> Selection:
         """Select the runs to learn from, as the study says; see `tensegra.study.select`."""
         entry = self.study.selection
         return select(
@@ -139,11 +133,13 @@ class Campaign:
             self.study.output_names,
             method=entry.method,
             min_cluster_size=entry.min_cluster_size,
-            merge_distance=entry.merge_distance,
+            compare=compare,
         )
 
     def training_data(self, outputs: Sequence[str] | None = None) -> TrainingData:
-        """Return the selected runs as training data: certified by the solver and kept by the selection.
+        """Return the runs that the study selects as training data.
+
+        With them come their derivatives, if the study asks for them and every output wanted has some.
 
         Parameters
         ----------
@@ -157,11 +153,12 @@ class Campaign:
         """
         study = self.study
         frame = self.frame()
-        kept = frame[self.select(frame).keep]
+        selection = self.select(frame, compare=False)
+        kept = frame[selection.keep]
         if kept.empty:
             raise StudyError(
                 f"{self.folder}: found none of {len(frame)} runs to learn from, expected some that are "
-                + " or ".join(CERTIFIED)
+                f"{selection.rule}"
             )
         X = kept[list(study.input_names)].to_numpy(dtype=np.float64)
         bounds = study.space.bounds
@@ -179,11 +176,29 @@ class Campaign:
             distributions=study.space.distributions,
             study_fingerprint=study.fingerprint,
         )
-        return data if outputs is None else data.select_outputs(outputs)
+        if outputs is not None:
+            data = data.select_outputs(outputs)
+        return self._with_derivatives(data, kept)
+
+    def _with_derivatives(self, data: TrainingData, frame: "pd.DataFrame") -> TrainingData:
+        """Return the data with the derivatives that the same rows have; rows without any are left out."""
+        known = set(self.study.derivative_names)
+        names = [derivative_name(output, name) for output in data.output_names for name in data.input_names]
+        if not known.issuperset(names):
+            return data
+        dY = frame[names].to_numpy(dtype=np.float64)
+        has_all = np.isfinite(dY).all(axis=1)
+        if not has_all.all():
+            logger.warning(
+                "%s: %d selected runs have no derivative and are left out", self.folder, (~has_all).sum()
+            )
+        return replace(
+            data.rows(has_all), dY=dY[has_all].reshape(-1, len(data.output_names), len(data.input_names))
+        )
 
     def state(self) -> CampaignState:
         """Return how far the campaign is; it may be running."""
-        frame = self._in_order_of_design(["status", "reason", "seconds"])
+        frame = self.frame(["status", "reason", "seconds"])
         driver = driver_of(self.folder)
         rate = np.nan
         if driver is not None:
@@ -218,85 +233,3 @@ def open_campaign(folder: str | PathLike[str]) -> Campaign:
     if study.fingerprint != manifest["fingerprint"]:
         raise StudyError(f"{folder}: {STUDY} is not the study that the rows belong to; restore it")
     return Campaign(folder, study)
-
-
-def run_campaign(
-    study: Study,
-    folder: str | PathLike[str],
-    workers: int = 2,
-    *,
-    progress: Progress | None = None,
-    executor: Executor | None = None,
-    solver: Solver | None = None,
-) -> Campaign:
-    """Run what is missing of a study's design in a folder; see `Study.run`."""
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StudyError(f"{folder}: cannot be created ({(error.strerror or str(error)).lower()})") from None
-    executor = executor_for(workers) if executor is None else executor
-    with lock_folder(folder):
-        store = Store.prepare(folder, study)
-        store.repair()
-        campaign = Campaign(folder, study)
-        X = design_points(study)
-        rows = campaign._in_order_of_design(["status"])  # noqa: SLF001 - of this module
-        done, failed = len(rows), int((rows["status"] == "failed").sum())
-        missing = _missing(X, rows.index.to_numpy())
-        repeats = Counter(row_keys(X))
-        report = progress or (lambda *_: None)
-        report(done, len(X), failed)
-        solve = partial(_solve_block, study.structure, study.variables, study.outputs, solver)
-        for first, runs in executor.map(solve, _blocks(X, missing)):
-            store.write(runs, first)
-            counts = np.array([repeats[key] for key in row_keys(runs.X)])
-            done, failed = done + int(counts.sum()), failed + int(counts[runs.failed].sum())
-            report(done, len(X), failed)
-    return campaign
-
-
-def _missing(X: Array, done: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the points to be run, in order; of points that are the same, the first."""
-    is_done = np.zeros(len(X), dtype=np.bool_)
-    is_done[done] = True
-    first: dict[bytes, int] = {}
-    for point, key in enumerate(row_keys(X)):
-        first.setdefault(key, point)
-    return np.array([point for point in first.values() if not is_done[point]], dtype=np.int64)
-
-
-def _blocks(X: Array, missing: NDArray[np.int64]) -> Iterator[Block]:
-    """Cut the missing points into blocks, each with the index of its first point.
-
-    The borders depend on the design alone, not on what is done, so that a resumed campaign hands the
-    solver the same blocks as an undisturbed one.
-    """
-    size = block_size(len(X))
-    for block in np.split(missing, np.flatnonzero(np.diff(missing // size)) + 1):
-        if len(block):
-            yield int(block[0]), X[block]
-
-
-def block_size(n_points: int) -> int:
-    """Return the number of runs in a block, a power of two.
-
-    Examples
-    --------
-    >>> block_size(100), block_size(12_500), block_size(10**6)
-    (16, 128, 2048)
-    """
-    least, most = BLOCK_SIZES
-    wanted = max(1, n_points // BLOCKS_PER_CAMPAIGN)
-    return min(most, max(least, 1 << (wanted.bit_length() - 1)))
-
-
-def _solve_block(
-    structure: Structure,
-    variables: tuple[Variable, ...],
-    outputs: tuple[Output, ...],
-    solver: Solver | None,
-    block: Block,
-) -> tuple[int, Runs]:
-    first, X = block
-    return first, evaluate(structure, variables, outputs, X, solver=solver)

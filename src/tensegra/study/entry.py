@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 from tensegra.errors import StudyError
 
-__all__ = ["Count", "Entry", "Identifier", "Number", "OneOf", "Positive", "parse_entry"]
+__all__ = ["Count", "Entry", "Flag", "Identifier", "Number", "OneOf", "Positive", "parse_entry"]
 
 
 def _identifier(value: object) -> object:
@@ -24,6 +24,7 @@ def _identifier(value: object) -> object:
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Positive = Annotated[Number, Field(gt=0)]
 Count = Annotated[int, Strict(), Field(ge=1)]
+Flag = Annotated[bool, Strict()]
 Identifier = Annotated[str, Field(min_length=1), BeforeValidator(_identifier)]
 
 EntryType = TypeVar("EntryType", bound="Entry")

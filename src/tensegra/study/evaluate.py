@@ -1,24 +1,22 @@
 """From design points to outputs: one call of the batch solver, its answers as flat arrays."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegra.errors import StudyError
 from tensegra.structure import Structure
+from tensegra.study.derivatives import output_derivatives
 from tensegra.study.outputs import Output
+from tensegra.study.solver import Solver, SolverEntry
 from tensegra.study.variables import Coordinate, Prestress, Variable
-
-if TYPE_CHECKING:
-    from tensegra.mechanics import Batch
 
 __all__ = ["Runs", "Solver", "batch_inputs", "evaluate"]
 
 Array: TypeAlias = NDArray[np.float64]
-Solver: TypeAlias = Callable[..., "Batch"]
 
 _ARGUMENTS = {"actuator": "actuation", "load": "loads", "position": "positions"}
 """Arguments of `solve_batch` that are not called like the quantity they take."""
@@ -42,6 +40,9 @@ class Runs:
         What each path took, shape (n_runs,).
     seconds
         Solver time of each run, shape (n_runs,).
+    dY
+        Derivatives of the outputs by the inputs, shape (n_runs, n_outputs, n_inputs), NaN where there
+        is none; None if they were not asked for.
     """
 
     X: Array
@@ -53,6 +54,7 @@ class Runs:
     steps: NDArray[np.int32]
     iterations: NDArray[np.int32]
     seconds: Array
+    dY: Array | None = None  # noqa: N815 - the derivative of Y, as in mathematics
 
     def __len__(self) -> int:
         return len(self.X)
@@ -74,6 +76,7 @@ def evaluate(
     outputs: Sequence[Output],
     X: ArrayLike,
     *,
+    derivatives: bool = False,
     solver: Solver | None = None,
 ) -> Runs:
     """Solve the structure at design points.
@@ -88,8 +91,10 @@ def evaluate(
         What is wanted of each run.
     X
         Design points, shape (n_points, len(variables)), in the variables' units.
+    derivatives
+        Whether to differentiate the outputs by the variables, exactly.
     solver
-        `tensegra.mechanics.solve_batch` if left out.
+        `tensegra.mechanics.solve_batch` with its own settings if left out.
 
     Returns
     -------
@@ -108,7 +113,9 @@ def evaluate(
         row, column = np.argwhere(~np.isfinite(X))[0]
         place = f"design points: row {row}, {variables[column].name}"
         raise StudyError.at(place, float(X[row, column]), "a finite number")
-    runs = (solver or _default_solver())(structure, **batch_inputs(structure, variables, X))
+    solve = solver or SolverEntry().solver()
+    arguments = batch_inputs(structure, variables, X)
+    runs = solve(structure, **arguments)
     status = np.asarray(runs.status, dtype=np.str_)
     failed = status == "failed"
     return Runs(
@@ -121,14 +128,8 @@ def evaluate(
         steps=np.asarray(runs.steps, dtype=np.int32),
         iterations=np.asarray(runs.iterations, dtype=np.int32),
         seconds=np.asarray(runs.seconds, dtype=np.float64),
+        dY=output_derivatives(variables, outputs, runs, X, arguments, solve) if derivatives else None,
     )
-
-
-def _default_solver() -> Solver:
-    # Compiled kernels, imported where they are first needed.
-    from tensegra.mechanics import solve_batch
-
-    return solve_batch
 
 
 def batch_inputs(

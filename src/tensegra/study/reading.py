@@ -17,6 +17,7 @@ from tensegra.structure.plain import plain
 from tensegra.structure.problems import InvalidStructureError
 from tensegra.structure.text import TextError, load_json, load_yaml
 from tensegra.study.analyses import require_known_names
+from tensegra.study.derivatives import DIFFERENTIABLE
 from tensegra.study.distributions import with_plain_numbers
 from tensegra.study.entry import parse_entry
 from tensegra.study.outputs import bind_output
@@ -104,6 +105,9 @@ def _build(content: dict[str, Any], *, source: str, folder: Path, name: str) -> 
     outputs = tuple(
         bind_output(key, entry, structure, f"{source} outputs.{key}") for key, entry in file.outputs.items()
     )
+    if file.derivatives and not any(output.quantity in DIFFERENTIABLE for output in outputs):
+        expected = f"an output that has derivatives ({', '.join(DIFFERENTIABLE)})"
+        raise StudyError.at(f"{source} outputs", [output.quantity for output in outputs], expected)
     require_known_names(file.surrogates, file.analyses, tuple(variables), tuple(file.outputs), source)
     try:
         space = Space(tuple(variables.values()), _matrix(file.correlation))
@@ -120,6 +124,8 @@ def _build(content: dict[str, Any], *, source: str, folder: Path, name: str) -> 
         space=space,
         outputs=outputs,
         design=file.design,
+        solver=file.solver,
+        derivatives=file.derivatives,
         points=points,
         seed=file.seed,
         selection=file.selection,

@@ -21,10 +21,10 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, model_validator
 
 from tensegra.errors import StudyError
-from tensegra.study.entry import Count, Entry, Identifier
+from tensegra.study.entry import Count, Entry, Flag, Identifier
 
 __all__ = [
     "Design",
@@ -43,7 +43,6 @@ __all__ = [
 ]
 
 Array: TypeAlias = NDArray[np.float64]
-Flag: TypeAlias = Annotated[bool, Strict()]
 Sizes: TypeAlias = Count | Annotated[tuple[Count, ...], Field(min_length=1)]
 
 MAX_POINTS = 2**30

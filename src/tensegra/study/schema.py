@@ -9,10 +9,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Strict
 
 from tensegra.study.analyses import AnalysisEntry, SurrogateEntry
-from tensegra.study.entry import Entry, Identifier, Number
+from tensegra.study.entry import Entry, Flag, Identifier, Number
 from tensegra.study.outputs import OutputEntry
 from tensegra.study.sampling import Design
 from tensegra.study.selection import SelectionEntry
+from tensegra.study.solver import SolverEntry
 from tensegra.study.variables import VariableEntry
 
 __all__ = ["SCHEMA", "StudyFile"]
@@ -36,6 +37,10 @@ class StudyFile(Entry):
         What varies; a matrix of rank correlations in the order of the variables.
     outputs
         What is wanted of each run.
+    solver
+        How its path is followed.
+    derivatives
+        Whether to store the derivatives of the outputs by the variables, too.
     design
         Which points are run.
     selection, surrogates, analyses
@@ -51,6 +56,8 @@ class StudyFile(Entry):
     variables: dict[Identifier, VariableEntry] = Field(min_length=1)
     correlation: tuple[tuple[Number, ...], ...] | None = None
     outputs: dict[Identifier, OutputEntry] = Field(min_length=1)
+    solver: SolverEntry = SolverEntry()
+    derivatives: Flag = False
     design: Design
     selection: SelectionEntry = SelectionEntry()
     surrogates: dict[Identifier, SurrogateEntry] = Field(default_factory=dict)

@@ -5,7 +5,8 @@
     manifest.json        whose rows these are: fingerprint, units, versions, seed
     study.json           the resolved study
     points.parquet       the points of a design that came from a file
-    shards/*.parquet     rows, each shard written once and renamed into place
+    shards/*.parquet     rows, each shard written once and renamed into place; nothing else is there
+    broken/*.parquet     shards that could not be read any more, set aside
     lock                 held by the process that runs the campaign
 
 A row is known by its inputs, to the bit: to which points of the design it belongs follows from them,
@@ -13,21 +14,21 @@ so the design may grow or change its order and no row is lost or solved again. O
 writes; a shard that is there is whole.
 """
 
-import contextlib
 import json
 import logging
-import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib import metadata
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.errors import StudyError
+from tensegra.study.atomic import TEMPORARY, replacing, writing
+from tensegra.study.derivatives import derivative_name
 from tensegra.study.evaluate import Runs
 from tensegra.study.study import RUN_COLUMNS, Study
 
@@ -35,12 +36,12 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-__all__ = ["SCHEMA", "Store", "row_keys"]
+__all__ = ["SCHEMA", "Store", "read_manifest", "require_same_study", "row_keys"]
 
 SCHEMA = "tensegra/campaign/1"
 
 MANIFEST, STUDY, POINTS, SHARDS = "manifest.json", "study.json", "points.parquet", "shards"
-TEMPORARY, BROKEN = ".writing", ".broken"
+BROKEN = "broken"
 
 PACKAGES = ("tensegra", "numpy", "scipy", "numba", "pandas", "pyarrow")
 
@@ -55,13 +56,19 @@ class Store:
     ----------
     folder
         Its folder.
-    inputs, outputs
-        Names of the columns of the variables and of the outputs.
+    inputs, outputs, derivatives
+        Names of the columns of the variables, of the outputs and of their derivatives.
     """
 
     folder: Path
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    derivatives: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, folder: Path, study: Study) -> "Store":
+        """Return the store of a study's campaign in a folder, whether there is one or not."""
+        return cls(folder, study.input_names, study.output_names, study.derivative_names)
 
     @property
     def shards(self) -> Path:
@@ -71,7 +78,7 @@ class Store:
     @property
     def columns(self) -> tuple[str, ...]:
         """All columns, in order."""
-        return (*self.inputs, *self.outputs, *RUN_COLUMNS)
+        return (*self.inputs, *self.outputs, *RUN_COLUMNS, *self.derivatives)
 
     @property
     def schema(self) -> "pa.Schema":
@@ -109,8 +116,10 @@ class Store:
         name = f"{first:08d}-{sha256(runs.X.tobytes()).hexdigest()[:12]}.parquet"
         table = self._table(runs)
         path = self.shards / name
-        with _replacing(path) as file:
-            pq.write_table(table, file)
+        with replacing(path) as file:
+            # A sum of each page tells a shard that has been altered from one that has not; numbers
+            # that hardly repeat are no matter for a dictionary.
+            pq.write_table(table, file, write_page_checksum=True, use_dictionary=["status", "reason"])
         return path
 
     def _table(self, runs: Runs) -> "pa.Table":
@@ -126,6 +135,7 @@ class Store:
             runs.steps,
             runs.iterations,
             runs.seconds,
+            *self._derivatives(runs),
         ]
         schema = self.schema
         arrays = [
@@ -135,6 +145,17 @@ class Store:
         ]
         return pa.Table.from_arrays(arrays, schema=schema)
 
+    def _derivatives(self, runs: Runs) -> list[NDArray[np.float64]]:
+        """Return the columns of the derivatives, in the order of their names."""
+        if runs.dY is None:
+            return []
+        columns = {
+            derivative_name(output, variable): runs.dY[:, i, j]
+            for i, output in enumerate(self.outputs)
+            for j, variable in enumerate(self.inputs)
+        }
+        return [columns[name] for name in self.derivatives]
+
     def read(self, columns: Sequence[str] | None = None) -> "pd.DataFrame":
         """Return all rows, shard by shard, a row that two shards hold once.
 
@@ -142,12 +163,24 @@ class Store:
         ----------
         columns
             The columns wanted beside the inputs; all if left out.
+
+        Raises
+        ------
+        StudyError
+            If a shard cannot be read.
         """
         import pyarrow as pa
-        import pyarrow.parquet as pq
 
         wanted = [name for name in self.columns if columns is None or name in columns or name in self.inputs]
-        tables = [pq.read_table(path, columns=wanted, partitioning=None) for path in self.paths()]
+        tables = []
+        for path in self.paths():
+            try:
+                tables.append(_read(path, wanted))
+            except (pa.ArrowException, OSError) as error:
+                raise StudyError(
+                    f"{path}: cannot be read ({_first_line(error)}); run the study again on this folder, "
+                    "which solves the runs of this shard anew"
+                ) from None
         schema = pa.schema([self.schema.field(name) for name in wanted])
         table = pa.concat_tables(tables) if tables else schema.empty_table()
         frame: pd.DataFrame = table.replace_schema_metadata(None).to_pandas()
@@ -156,7 +189,7 @@ class Store:
 
     def paths(self) -> list[Path]:
         """Return the shards in order of their names."""
-        return sorted(self.shards.glob("*.parquet"))
+        return sorted(path for path in self.shards.glob("*.parquet") if not path.name.startswith("."))
 
     def count_since(self, moment: float) -> int:
         """Return the number of rows in shards written after a moment, in seconds since the epoch."""
@@ -166,7 +199,9 @@ class Store:
         return sum(int(pq.read_metadata(path).num_rows) for path in recent)
 
     def repair(self) -> list[Path]:
-        """Remove what a killed driver was writing, and set aside shards that cannot be read.
+        """Remove what a killed driver was writing, and set aside shards that are not whole.
+
+        Every shard is read and its sums are compared; that takes a second for some million rows.
 
         Returns
         -------
@@ -174,20 +209,23 @@ class Store:
             The shards set aside; their runs will be solved again.
         """
         import pyarrow as pa
-        import pyarrow.parquet as pq
 
         for folder in (self.folder, self.shards):
-            for left_over in folder.glob(f"*{TEMPORARY}"):
+            for left_over in folder.glob(f".*{TEMPORARY}"):
                 left_over.unlink()
         broken = []
         for path in self.paths():
             try:
-                readable = pq.read_schema(path).names == list(self.columns)
-            except (pa.ArrowException, OSError):
-                readable = False
-            if not readable:
-                logger.warning("%s cannot be read; set aside as %s, its runs are solved again", path, BROKEN)
-                broken.append(path.rename(path.with_name(path.name + BROKEN)))
+                _read(path, list(self.columns))
+            except (pa.ArrowException, OSError) as error:
+                logger.warning(
+                    "%s cannot be read (%s); it is set aside in %s, and its runs are solved again",
+                    path,
+                    _first_line(error),
+                    self.folder / BROKEN,
+                )
+                (self.folder / BROKEN).mkdir(exist_ok=True)
+                broken.append(path.replace(self.folder / BROKEN / path.name))
         return broken
 
     @classmethod
@@ -202,9 +240,9 @@ class Store:
         StudyError
             If the folder holds another campaign, or something else.
         """
-        store = cls(folder, study.input_names, study.output_names)
-        _require_same_study(folder, study)
-        with _writing(folder):
+        store = cls.of(folder, study)
+        require_same_study(folder, study)
+        with writing(folder):
             store.shards.mkdir(exist_ok=True)
         mapping = study.to_mapping()
         if study.points is not None:
@@ -212,7 +250,7 @@ class Store:
             import pyarrow.parquet as pq
 
             points = pa.table(dict(zip(study.input_names, np.ascontiguousarray(study.points.T), strict=True)))
-            with _replacing(folder / POINTS) as file:
+            with replacing(folder / POINTS) as file:
                 pq.write_table(points, file)
             mapping["design"] = {"sampler": "file", "file": POINTS}
         _write_json(folder / STUDY, mapping)
@@ -223,7 +261,10 @@ class Store:
 
 def row_keys(X: NDArray[np.float64]) -> list[bytes]:
     """Return the identity of each row: its numbers, to the bit."""
-    return [row.tobytes() for row in np.ascontiguousarray(X, dtype=np.float64)]
+    rows = np.ascontiguousarray(X, dtype=np.float64)
+    as_bytes: Any = rows.view(np.dtype((np.void, rows.itemsize * rows.shape[1])))
+    keys: list[bytes] = as_bytes.ravel().tolist()
+    return keys
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -246,9 +287,16 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return dict(manifest)
 
 
-def _require_same_study(folder: Path, study: Study) -> None:
+def require_same_study(folder: Path, study: Study) -> None:
+    """Refuse a folder that holds another campaign, or something else.
+
+    Raises
+    ------
+    StudyError
+        Naming what is there, or in what the studies differ.
+    """
     if not (folder / MANIFEST).exists():
-        known = {"lock", SHARDS, STUDY, POINTS}
+        known = {"lock", SHARDS, STUDY, POINTS, BROKEN}
         others = [
             path.name for path in folder.iterdir() if path.name not in known and path.suffix != TEMPORARY
         ]
@@ -271,6 +319,8 @@ def _identity(study: Study) -> dict[str, Any]:
         "variables": {variable.name: variable.to_mapping() for variable in study.variables},
         "correlation": None if study.space.correlation is None else study.space.correlation.tolist(),
         "outputs": {output.name: output.to_mapping() for output in study.outputs},
+        "solver": study.solver.written(),
+        "derivatives": study.derivatives,
     }
 
 
@@ -289,6 +339,20 @@ def _manifest(study: Study) -> dict[str, Any]:
     }
 
 
+def _read(path: Path, columns: list[str]) -> "pa.Table":
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(path, columns=columns, partitioning=None, page_checksum_verification=True)
+    if table.column_names != columns:
+        raise pa.ArrowException("its columns are others")
+    return table
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).partition("\n")[0].rstrip(".")
+
+
 def _version(package: str) -> str:
     try:
         return metadata.version(package)
@@ -298,45 +362,5 @@ def _version(package: str) -> str:
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:
     text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
-    with _replacing(path) as file:
+    with replacing(path) as file:
         file.write(text.encode())
-
-
-@contextlib.contextmanager
-def _writing(folder: Path) -> Iterator[None]:
-    """Turn a failure to write into a message that says what is safe and what to do."""
-    try:
-        yield
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise StudyError(
-            f"{folder}: cannot write ({reason}); the shards that are there are whole, run again to go on"
-        ) from error
-
-
-@contextlib.contextmanager
-def _replacing(path: Path) -> Iterator[IO[bytes]]:
-    """Open a temporary file that takes the place of `path` once it is whole and on the disk."""
-    temporary = path.with_name(path.name + TEMPORARY)
-    with _writing(path.parent):
-        try:
-            with temporary.open("wb") as file:
-                yield file
-                file.flush()
-                os.fsync(file.fileno())
-            temporary.replace(path)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                temporary.unlink()
-            raise
-        _sync_folder(path.parent)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Bring a renaming to the disk, where the system can."""
-    with contextlib.suppress(OSError):
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)

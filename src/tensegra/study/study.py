@@ -15,6 +15,7 @@ from tensegra.structure import Structure
 from tensegra.structure.frozen import FrozenMapping
 from tensegra.structure.mapping import structure_to_mapping
 from tensegra.study.analyses import AnalysisEntry, SurrogateEntry
+from tensegra.study.derivatives import DIFFERENTIABLE, derivative_name
 from tensegra.study.entry import Entry
 from tensegra.study.evaluate import Runs, Solver, evaluate
 from tensegra.study.outputs import Output
@@ -25,6 +26,7 @@ from tensegra.study.sampling import (
 )
 from tensegra.study.schema import SCHEMA
 from tensegra.study.selection import SelectionEntry
+from tensegra.study.solver import SolverEntry
 from tensegra.study.space import Space
 from tensegra.study.variables import Variable
 
@@ -57,6 +59,10 @@ class Study:
         The quantities of interest.
     design
         The entry of the design; `design_points` draws it.
+    solver
+        How the paths of the runs are followed.
+    derivatives
+        Whether a campaign stores the derivatives of the outputs, too.
     points
         The points of a design from a file, shape (n_points, n_inputs), else None.
     seed
@@ -70,6 +76,8 @@ class Study:
     space: Space
     outputs: tuple[Output, ...]
     design: Entry
+    solver: SolverEntry = field(default_factory=SolverEntry)
+    derivatives: bool = False
     points: NDArray[np.float64] | None = None
     seed: int = 0
     selection: SelectionEntry = field(default_factory=SelectionEntry)
@@ -93,6 +101,18 @@ class Study:
         return tuple(output.name for output in self.outputs)
 
     @property
+    def derivative_names(self) -> tuple[str, ...]:
+        """Names of the columns of derivatives, output by output; none if they are not asked for."""
+        if not self.derivatives:
+            return ()
+        return tuple(
+            derivative_name(output.name, variable)
+            for output in self.outputs
+            if output.quantity in DIFFERENTIABLE
+            for variable in self.input_names
+        )
+
+    @property
     def n_points(self) -> int:
         """Number of points of the design."""
         return (
@@ -108,8 +128,8 @@ class Study:
     def fingerprint(self) -> str:
         """The SHA-256, in hexadecimal, of all that the rows of a campaign depend on.
 
-        Structure, variables with their laws, and outputs; neither the design, which only says which
-        rows there are, nor what is made of them.
+        Structure, variables with their laws, outputs with or without derivatives, and the solver;
+        neither the design, which only says which rows there are, nor what is made of them.
         """
         content = {
             "results_version": RESULTS_VERSION,
@@ -117,18 +137,52 @@ class Study:
             "variables": {variable.name: _unlabelled(variable.to_mapping()) for variable in self.variables},
             "correlation": None if self.space.correlation is None else self.space.correlation.tolist(),
             "outputs": {output.name: _unlabelled(output.to_mapping()) for output in self.outputs},
+            "solver": self.solver.written(),
+            "derivatives": self.derivatives,
         }
         return sha256(json.dumps(content).encode()).hexdigest()
 
-    def evaluate(self, X: ArrayLike, *, solver: Solver | None = None) -> Runs:
-        """Solve the structure at design points, shape (n_points, n_inputs); see `evaluate`."""
-        return evaluate(self.structure, self.variables, self.outputs, X, solver=solver)
+    def evaluate(
+        self,
+        X: ArrayLike,
+        *,
+        derivatives: bool = False,
+        threads: int | None = None,
+        solver: Solver | None = None,
+    ) -> Runs:
+        """Solve the structure at design points.
+
+        Parameters
+        ----------
+        X
+            Design points, shape (n_points, n_inputs).
+        derivatives
+            Whether to differentiate the outputs, too.
+        threads
+            Threads of the solver, one a core if left out; the results do not depend on it.
+        solver
+            `tensegra.mechanics.solve_batch` with the study's settings if left out.
+
+        Raises
+        ------
+        StudyError
+            As `tensegra.study.evaluate`.
+        """
+        return evaluate(
+            self.structure,
+            self.variables,
+            self.outputs,
+            X,
+            derivatives=derivatives,
+            solver=solver or self.solver.solver(threads),
+        )
 
     def run(
         self,
         folder: str | PathLike[str],
-        workers: int = 2,
+        workers: int = 1,
         *,
+        scheduler: str | None = None,
         progress: "Callable[[int, int, int], object] | None" = None,
         executor: "Executor | None" = None,
         solver: Solver | None = None,
@@ -140,28 +194,39 @@ class Study:
         folder
             The campaign's folder; created if there is none, resumed if it holds this study.
         workers
-            Number of processes; with 1 the runs are solved in this one.
+            With 1 this process solves the runs, on all its threads; with more, as many processes of a
+            local Dask cluster do.
+        scheduler
+            Address of a Dask scheduler, such as ``tcp://node7:8786``, whose workers do it instead.
         progress
             Called as ``progress(done, total, failed)`` at the beginning and after each block of runs.
         executor
-            What carries out the blocks, instead of `workers`.
+            What carries out the blocks, instead of `workers` and `scheduler`.
         solver
-            `tensegra.mechanics.solve_batch` if left out.
+            `tensegra.mechanics.solve_batch` with the study's settings if left out.
 
         Returns
         -------
         Campaign
-            The finished campaign.
+            The finished campaign; its rows are the same whoever solved them.
 
         Raises
         ------
         StudyError
             If the folder belongs to another study, is being run by another process, or cannot be
-            written.
+            written; if there is no scheduler, or no worker, or no Dask where it is needed.
         """
-        from tensegra.study.campaign import run_campaign
+        from tensegra.study.driver import run_campaign
 
-        return run_campaign(self, folder, workers, progress=progress, executor=executor, solver=solver)
+        return run_campaign(
+            self,
+            folder,
+            workers,
+            scheduler=scheduler,
+            progress=progress,
+            executor=executor,
+            solver=solver,
+        )
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the resolved study: what its file would hold with everything explicit.
@@ -177,6 +242,8 @@ class Study:
             "seed": self.seed,
             "variables": {variable.name: variable.to_mapping() for variable in self.variables},
             "outputs": {output.name: output.to_mapping() for output in self.outputs},
+            "solver": self.solver.written(),
+            "derivatives": self.derivatives,
             "design": self.design.written(),
             "selection": self.selection.written(),
             "surrogates": {name: entry.written() for name, entry in self.surrogates.items()},

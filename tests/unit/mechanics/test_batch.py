@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -196,3 +198,29 @@ def test_area_of_a_member_given_by_its_stiffness_is_refused():
     )
     with pytest.raises(ModelError, match="stiffness"):
         solve_batch(rope, area={"K": [1.0]})
+
+
+def test_one_varied_run_that_is_followed_alone_starts_where_it_does(beam):
+    batch = solve_batch(beam, rest_length={"K1": [300.86]}, actuation={"A14": [0.05]})
+    longer = replace(beam.members["K1"], rest_length=300.86)
+    path = solve_path(beam.replace(members={**beam.members, "K1": longer}), {"A14": 0.05})
+    np.testing.assert_allclose(batch.displacements[0], path.displacements, atol=1e-9)
+
+
+def test_derivatives_asked_for_are_those_computed_on_demand(beam):
+    actuation = {"A14": np.linspace(0.02, 0.1, 5), "A23": np.linspace(0.1, 0.04, 5)}
+    asked = solve_batch(beam, actuation=actuation, derivatives=["A14", "top", ("load", ("18", "z"))])
+    plain = solve_batch(beam, actuation=actuation)
+    for name, kind in (("A14", "actuation"), ("top", "temperature"), (("18", "z"), "load")):
+        found, expected = asked.derivative(name, kind), plain.derivative(name, kind)
+        scale = np.abs(expected.nodes).max()
+        np.testing.assert_allclose(found.nodes, expected.nodes, atol=1e-8 * scale)
+        np.testing.assert_allclose(
+            found.tensions, expected.tensions, atol=1e-8 * np.abs(expected.tensions).max()
+        )
+
+
+@pytest.mark.parametrize("asked", ["A41", ("colour", "A14"), ("youngs_modulus", "steel")])
+def test_a_derivative_that_cannot_be_had_is_refused(beam, asked):
+    with pytest.raises(ModelError):
+        solve_batch(beam, actuation={"A14": [0.05]}, derivatives=[asked])

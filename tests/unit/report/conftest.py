@@ -19,7 +19,7 @@ CONTENT = {
         "w": {"displacement": "z", "nodes": [18, 23]},
     },
     "design": {"sampler": "sobol", "sizes": 32},
-    "selection": {"method": "status"},
+    "selection": {"method": "certificate"},
     "surrogates": {"pce": {"kind": "pce"}, "gpr": {"kind": "gpr", "outputs": ["w"]}},
     "analyses": [
         {"propagation": {"name": "Scatter", "model": "pce", "compare_with": "truth", "samples": 40}},

@@ -40,6 +40,8 @@ def solve(structure, **inputs):
         steps=np.full(n, 4),
         iterations=np.full(n, 12),
         seconds=np.full(n, 1e-3),
+        nodes_by=np.zeros((n, 0, structure.n_nodes, 3)),
+        tensions_by=np.zeros((n, 0, structure.n_members)),
         inputs=Actuation({}, {}, {}, {}),
         variants=Variants({}, {}, {}),
     )

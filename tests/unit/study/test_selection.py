@@ -24,7 +24,7 @@ def test_the_largest_group_is_kept_and_the_irregular_one_is_not(frame):
     selection = select(frame, ["w", "v"], method="hdbscan")
     assert_array_equal(selection.keep, frame["status"] == "stable")
     assert selection.n_kept == 950
-    assert selection.note == ""
+    assert selection.note == "10 of 960 certified runs are left out"
 
 
 def test_groups_are_numbered_by_size_and_failures_are_in_none(frame):
@@ -44,33 +44,53 @@ def test_the_table_sets_groups_against_statuses(frame):
     }
 
 
-def test_a_certificate_is_asked_for_beside_the_group(frame):
-    frame["status"] = frame["status"].replace("snapped", "unstable")
-    frame.loc[frame.index[frame["status"] == "stable"][:5], "status"] = "unstable"
-    selection = select(frame, ["w", "v"], method="hdbscan")
-    assert selection.n_kept == 945
-
-
-def test_the_certificate_alone_keeps_every_run_that_stands(frame):
-    selection = select(frame, ["w", "v"], method="status")
+def test_the_certificate_keeps_every_run_that_stands_and_is_compared_with_the_groups(frame):
+    selection = select(frame, ["w", "v"])
     assert_array_equal(selection.keep, frame["status"].isin(["stable", "snapped"]))
-    assert list(selection.table.columns) == ["largest group", "other groups", "no group"]
+    assert selection.note == ""
+    assert selection.rule == "certified by the solver"
+    by_group = select(frame, ["w", "v"], method="hdbscan")
+    assert_array_equal(selection.labels, by_group.labels)
+    assert selection.table.equals(by_group.table)
 
 
-@pytest.mark.parametrize("n_runs", [60, 500, 2000])
-def test_a_single_cloud_is_not_torn_to_pieces(n_runs):
-    x = np.random.default_rng(2).uniform(size=(n_runs, 3))
-    Y = np.column_stack([10 * x[:, 0] + x[:, 1] ** 2, np.sin(x[:, 1]) + 0.1 * x[:, 2]])
-    frame = pd.DataFrame(Y, columns=["w", "v"]).assign(status="stable")
-    assert select(frame, ["w", "v"], method="hdbscan").n_kept > 0.8 * n_runs
+def test_without_the_comparison_nothing_is_clustered(frame, monkeypatch):
+    monkeypatch.setattr("tensegra.study.selection._hdbscan_labels", None)
+    selection = select(frame, ["w", "v"], compare=False)
+    assert selection.n_kept == 960
+    assert set(selection.labels) == {NO_GROUP, 0}
 
 
-def test_where_no_group_stands_out_the_certificate_decides_and_it_is_said():
+def test_the_paper_keeps_the_largest_group_whatever_the_solver_says(frame):
+    frame.loc[frame.index[frame["status"] == "stable"][:5], "status"] = "unstable"
+    by_group = select(frame, ["w", "v"], method="hdbscan")
+    assert by_group.n_kept == 950
+    assert by_group.note == "10 of 955 certified runs are left out; 5 of the 950 runs kept are not certified"
+    assert "HDBSCAN" in by_group.rule
+    both = select(frame, ["w", "v"], method="both")
+    assert both.n_kept == 945
+    assert both.note == "10 of 955 certified runs are left out"
+    assert_array_equal(both.keep, by_group.keep & frame["status"].isin(["stable", "snapped"]))
+
+
+def test_hdbscan_is_the_papers_with_nothing_added(frame):
+    from hdbscan import HDBSCAN
+
+    Y = frame[["w", "v"]].dropna()
+    expected = HDBSCAN(min_cluster_size=25).fit_predict((Y - Y.mean()) / Y.std(ddof=0))
+    labels = select(frame, ["w", "v"], method="hdbscan", min_cluster_size=25).labels
+    found = labels[frame["w"].notna()]
+    # The same groups, renumbered by size.
+    pairs = set(zip(found.tolist(), expected.tolist(), strict=True))
+    assert len(pairs) == len(set(expected)) == len(set(found))
+
+
+def test_a_cloud_in_which_hdbscan_finds_no_group_is_told():
     Y = np.random.default_rng(3).normal(size=(300, 2))
     frame = pd.DataFrame(Y, columns=["w", "v"]).assign(status="stable")
-    selection = select(frame, ["w", "v"], method="hdbscan", merge_distance=0.0)
-    assert selection.keep.all()
-    assert "found no group that stands out" in selection.note
+    selection = select(frame, ["w", "v"], method="hdbscan")
+    assert selection.note == f"{300 - selection.n_kept} of 300 certified runs are left out"
+    assert select(frame, ["w", "v"]).n_kept == 300
 
 
 def test_few_runs_are_one_group(frame):

@@ -75,7 +75,7 @@ def test_the_fingerprint_is_of_what_the_rows_depend_on(content):
         "design.sizes": 128,
         "name": "another",
         "variables.A14.label": "top",
-        "selection": {"method": "status"},
+        "selection": {"method": "both"},
     }.items():
         set_at(content, path, value)
         assert parse_study(content).fingerprint == fingerprint, path

@@ -1,0 +1,158 @@
+"""Derivatives of the outputs by the variables, exact, from the solver's own factorisation."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegra.study.outputs import Output
+from tensegra.study.variables import Coordinate, Prestress, Variable
+
+if TYPE_CHECKING:
+    from tensegra.mechanics import Batch
+    from tensegra.mechanics.derivatives import ParameterKind
+
+__all__ = ["DIFFERENTIABLE", "derivative_name", "output_derivatives"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+DIFFERENTIABLE = ("displacement", "coordinate", "distance", "tension")
+"""Quantities whose outputs have derivatives; the others have kinks, or jump."""
+
+BEFORE_STAGES = ("youngs_modulus", "area", "rest_length", "prestress")
+"""Quantities that move the equilibrium from which displacements are measured, too."""
+
+
+def derivative_name(output: str, variable: str) -> str:
+    """Return the name of the column that holds the derivative of an output by a variable.
+
+    Examples
+    --------
+    >>> derivative_name("w", "A14")
+    'dw/dA14'
+    """
+    return f"d{output}/d{variable}"
+
+
+@dataclass(frozen=True, eq=False)
+class Rates:
+    """Rates of solved runs with one variable: positions, their start, tensions; batch axis first."""
+
+    nodes: Array
+    start: Array
+    tensions: Array
+
+
+def output_derivatives(
+    variables: Sequence[Variable],
+    outputs: Sequence[Output],
+    runs: "Batch",
+    X: Array,
+    arguments: Mapping[str, Mapping[Any, Array]],
+    solve: "Callable[..., Batch]",
+) -> Array:
+    """Return the derivatives of outputs by variables.
+
+    Parameters
+    ----------
+    variables, outputs
+        What to differentiate by, and what.
+    runs
+        The solved runs.
+    X
+        Their design points, shape (n_runs, n_inputs).
+    arguments
+        The arguments of `solve_batch` that gave the runs.
+    solve
+        The solver that gave them; it solves the stages once more where a variable acts before them,
+        since displacements are measured from their end.
+
+    Returns
+    -------
+    ndarray
+        Shape (n_runs, n_outputs, n_inputs), in units of output per unit of variable. NaN where a run
+        has no stable equilibrium, and for outputs that are not `DIFFERENTIABLE`.
+    """
+    before = {
+        name: arguments[name] for name in ("youngs_modulus", "area", "rest_length") if name in arguments
+    }
+    measured = any(output.quantity == "displacement" for output in outputs)
+    starts = solve(runs.structure, **before) if before and measured else None
+    values = np.full((len(X), len(outputs), len(variables)), np.nan)
+    for j, (variable, column) in enumerate(zip(variables, X.T, strict=True)):
+        moves_start = variable.quantity in BEFORE_STAGES
+        rates = _rates(variable, column, runs, starts if moves_start else None, arguments)
+        for i, output in enumerate(outputs):
+            if output.quantity in DIFFERENTIABLE:
+                values[:, i, j] = _CHAINS[output.quantity](output, runs, rates)
+    return values
+
+
+def _rates(
+    variable: Variable,
+    column: Array,
+    runs: "Batch",
+    starts: "Batch | None",
+    arguments: Mapping[str, Mapping[Any, Array]],
+) -> Rates:
+    """Return the rates with one variable: those with the parameters it sets, weighted by the chain rule."""
+    total = Rates(np.zeros_like(runs.nodes), np.zeros_like(runs.nodes), np.zeros_like(runs.tensions))
+    for kind, name, weight in _parameters(variable, column, arguments.get("rest_length", {})):
+        by = runs.derivative(name, kind)
+        weighted = np.broadcast_to(weight, runs.n_runs)
+        total.nodes[...] += weighted[:, None, None] * by.nodes
+        total.tensions[...] += weighted[:, None] * by.tensions
+        if starts is not None:
+            total.start[...] += weighted[:, None, None] * starts.derivative(name, kind).nodes
+    return total
+
+
+def _parameters(
+    variable: Variable, column: Array, rest_length: Mapping[Any, Array]
+) -> "list[tuple[ParameterKind, object, Array | float]]":
+    """Return the solver's parameters that a variable sets: kind, name, and their rate with the variable.
+
+    With a prestress c a rest length starts at l = l₀ (1 + c)/(1 + c₀), so ∂l/∂c = l/(1 + c) and
+    ∂l/∂l₀ = l/l₀.
+    """
+    target = variable.target
+    if isinstance(target, Prestress):
+        return [("rest_length", member, rest_length[member] / (1.0 + column)) for member in target.members]
+    if variable.quantity == "rest_length":
+        return [("rest_length", target, rest_length[target] / column)]
+    name = (target.node, target.axis) if isinstance(target, Coordinate) else target
+    return [(_KINDS[variable.quantity], name, 1.0)]
+
+
+_KINDS: "dict[str, ParameterKind]" = {
+    "actuator": "actuation",
+    "temperature": "temperature",
+    "youngs_modulus": "youngs_modulus",
+    "area": "area",
+    "load": "load",
+    "position": "position",
+}
+
+
+def _mean(output: Output, runs: "Batch", nodes: Array) -> Array:
+    rows = [runs.node_ids.index(node) for node in output.nodes]
+    return np.asarray(nodes[:, rows, "xyz".index(output.target)].mean(axis=1))
+
+
+def _distance(output: Output, runs: "Batch", rates: Rates) -> Array:
+    first, second = (runs.node_ids.index(node) for node in output.nodes)
+    along = runs.nodes[:, second] - runs.nodes[:, first]
+    apart = np.linalg.norm(along, axis=1)
+    moved = np.einsum("ni,ni->n", along, rates.nodes[:, second] - rates.nodes[:, first])
+    return np.asarray(np.divide(moved, apart, out=np.full(len(apart), np.nan), where=apart > 0.0))
+
+
+_CHAINS: "dict[str, Callable[[Output, Batch, Rates], Array]]" = {
+    "displacement": lambda output, runs, rates: _mean(output, runs, rates.nodes - rates.start),
+    "coordinate": lambda output, runs, rates: _mean(output, runs, rates.nodes),
+    "distance": _distance,
+    "tension": lambda output, runs, rates: rates.tensions[:, runs.member_ids.index(output.target)],
+}
+"""How the rate of each quantity follows from those of positions and tensions."""
