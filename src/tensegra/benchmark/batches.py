@@ -15,13 +15,7 @@ from tensegra.structure import Structure, library
 
 __all__ = ["BatchRow", "Batches", "Design", "beam_designs", "measure_batches", "solve"]
 
-DERIVED = {
-    "A14": "actuation",
-    "A23": "actuation",
-    "top": "temperature",
-    "middle": "temperature",
-    "bottom": "temperature",
-}
+DERIVED = ("A14", "A23", "top", "middle", "bottom")
 """Inputs of the five-variable design by which its runs are differentiated."""
 
 SEED = 0
@@ -183,18 +177,15 @@ def beam_designs(n_runs: int, seed: int = SEED) -> dict[str, Design]:
     }
 
 
-def solve(design: Design, threads: int) -> Batch:
-    """Solve a design."""
+def solve(design: Design, threads: int, derivatives: tuple[str, ...] = ()) -> Batch:
+    """Solve a design, and differentiate its runs."""
     return solve_batch(
-        design.structure, actuation=design.actuation, temperature=design.temperature, threads=threads
+        design.structure,
+        actuation=design.actuation,
+        temperature=design.temperature,
+        derivatives=derivatives,
+        threads=threads,
     )
-
-
-def _solve_and_differentiate(design: Design, threads: int) -> Batch:
-    batch = solve(design, threads)
-    for name, of in DERIVED.items():
-        batch.derivative(name, of)  # type: ignore[arg-type]  # of is one of the kinds
-    return batch
 
 
 def measure_batches(
@@ -247,7 +238,7 @@ def _works(
             yield f"{name} {n}", (design, n, partial(solve, design, n))
             if name == "five":
                 named = replace(design, name=f"{design.name} + derivatives")
-                yield f"derivatives {n}", (named, n, partial(_solve_and_differentiate, design, n))
+                yield f"derivatives {n}", (named, n, partial(solve, design, n, DERIVED))
     if many:
         design = beam_designs(many)["five"]
         yield "many", (design, max(threads), partial(solve, design, max(threads)))

@@ -186,26 +186,49 @@ def test_the_lowest_eigenvalue_is_that_of_the_dense_matrix(five, beam):
         np.testing.assert_allclose(batch.lowest_eigenvalue[run], np.linalg.eigvalsh(K)[0], rtol=EIGENVALUE)
 
 
-@pytest.mark.parametrize(
-    ("name", "of"),
-    [
-        ("A14", "actuation"),
-        ("A23", "actuation"),
-        ("top", "temperature"),
-        ("K2", "stiffness"),
-        ("K1", "rest_length"),
-        (("23", "z"), "load"),
-    ],
-)
-def test_a_derivative_in_lockstep_is_that_of_the_run_alone(five, beam, name, of):
+PARAMETERS = [
+    ("actuation", "A14"),
+    ("actuation", "A23"),
+    ("temperature", "top"),
+    ("stiffness", "K2"),
+    ("rest_length", "K1"),
+    ("load", ("23", "z")),
+]
+
+
+@pytest.fixture(scope="module")
+def differentiated(five, beam):
+    """Return the runs solved once more, with all derivatives asked for at once."""
+    return solve_batch(beam, **five[0], derivatives=PARAMETERS, threads=2)
+
+
+@pytest.mark.parametrize(("of", "name"), PARAMETERS)
+@pytest.mark.parametrize("along", [True, False], ids=["along", "afterwards"])
+def test_a_derivative_in_lockstep_is_that_of_the_run_alone(five, differentiated, beam, name, of, along):
     inputs, batch = five
-    derivative = batch.derivative(name, of)
+    derivative = (differentiated if along else batch).derivative(name, of)
     for run in range(0, batch.n_runs, 9):
         alone = single(beam, inputs, run).derivative(name, of)
         for found, expected in ((derivative.nodes, alone.nodes), (derivative.tensions, alone.tensions)):
             largest = np.abs(expected).max()
             assert largest > 0.0
             np.testing.assert_allclose(found[run], expected, rtol=0, atol=DERIVATIVE * largest)
+
+
+def test_derivatives_change_nothing_else(five, differentiated):
+    assert_identical(differentiated, five[1])
+
+
+def test_only_runs_that_stand_have_derivatives():
+    beam, inputs = strong_design(24)
+    batch = solve_batch(beam, **inputs, derivatives=["A1", "A23"])
+    stands = batch.status == "stable"
+    assert 0 < stands.sum() < batch.n_runs
+    for name in ("A1", "A23"):
+        derivative = batch.derivative(name)
+        for values in (derivative.nodes, derivative.tensions):
+            assert np.isfinite(values[stands]).all()
+            assert np.isnan(values[~stands]).all()
 
 
 def test_no_more_than_a_block_is_in_work_at_a_time(monkeypatch):
