@@ -4,7 +4,7 @@ Nothing is copied out of the structure twice: everything that a solver needs to 
 inputs that change along a path (`tensegra.mechanics.inputs`), stands in one `StructureArrays`.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -120,14 +120,7 @@ def structure_arrays(structure: Structure) -> StructureArrays:
     segment_nodes = np.array(segments, dtype=np.int64)
     starts = np.array(segment_start, dtype=np.int64)
 
-    ends = coordinates[segment_nodes]
-    segment_lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    weight = np.array([structure.weight_per_length(member) for member in member_ids])
-    segment_weight = np.repeat(weight, np.diff(starts)) * segment_lengths
-    nodal_weight = np.zeros(len(node_ids))
-    np.add.at(nodal_weight, segment_nodes, 0.5 * segment_weight[:, None])
-
-    return StructureArrays(
+    arrays = StructureArrays(
         node_ids=node_ids,
         member_ids=member_ids,
         coordinates=coordinates,
@@ -139,8 +132,45 @@ def structure_arrays(structure: Structure) -> StructureArrays:
         stiffness=np.array([structure.axial_stiffness(member) for member in member_ids]),
         rest_length=np.array([member.rest_length for member in structure.members.values()]),
         thermal_expansion=np.array([structure.thermal_expansion(member) for member in member_ids]),
-        nodal_weight=nodal_weight,
+        nodal_weight=np.zeros(len(node_ids)),
         size=float(np.ptp(coordinates, axis=0).max()),
         node_index=node_index,
         member_index={member: e for e, member in enumerate(member_ids)},
     )
+    weight = np.array([structure.weight_per_length(member) for member in member_ids])
+    return replace(arrays, nodal_weight=lumped_weight(arrays, weight))
+
+
+def segment_spans(arrays: StructureArrays, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the vectors along the segments, ``(n_segments, 3)``, and their lengths, ``(n_segments,)``."""
+    first, second = arrays.segment_nodes.T
+    along = nodes[second] - nodes[first]
+    return along, np.linalg.norm(along, axis=1)
+
+
+def path_lengths(arrays: StructureArrays, nodes: FloatArray) -> FloatArray:
+    """Return the path lengths ℓ of the members at a position, shape ``(n_members,)``."""
+    _, lengths = segment_spans(arrays, nodes)
+    return np.add.reduceat(lengths, arrays.segment_start[:-1])
+
+
+def lumped_weight(arrays: StructureArrays, weight_per_length: FloatArray) -> FloatArray:
+    """Lump the members' weights to the nodes, half and half by the given segment lengths.
+
+    Parameters
+    ----------
+    arrays
+        The structure.
+    weight_per_length
+        Force per length, shape ``(…, n_members)``.
+
+    Returns
+    -------
+    ndarray
+        Shape ``(…, n_nodes)``, unit of force.
+    """
+    _, lengths = segment_spans(arrays, arrays.coordinates)
+    half = 0.5 * np.repeat(weight_per_length, arrays.n_segments, axis=-1) * lengths
+    nodal = np.zeros((arrays.n_nodes, *half.shape[:-1]))
+    np.add.at(nodal, arrays.segment_nodes, np.moveaxis(half, -1, 0)[:, None])
+    return np.moveaxis(nodal, 0, -1)

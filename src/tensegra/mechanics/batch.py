@@ -218,16 +218,16 @@ def solve_batch(
     n_runs = n_runs_of(inputs, variants)
     variants.check(structure)
     parameters = tuple(_parameter(structure, asked) for asked in derivatives)
-    shared = None if variants.vary else prepare(structure, settings=settings)
+    base = prepare(structure, settings=settings)
     blocks = [
-        solve_block(structure, part(inputs, runs), variants.part(runs), parameters, shared, threads, settings)
+        solve_block(structure, part(inputs, runs), variants.part(runs), parameters, base, threads)
         for runs in _blocks(n_runs)
     ]
     columns = {
         column.name: np.concatenate([getattr(block, column.name) for block in blocks])
         for column in fields(RunResults)
     }
-    if shared is not None:
+    if not variants.vary:
         columns["start"] = blocks[0].start
     return Batch(
         structure=structure,

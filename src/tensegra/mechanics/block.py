@@ -17,6 +17,8 @@ from tensegra.mechanics.arrays import (
     FloatArray,
     IndexArray,
     StructureArrays,
+    path_lengths,
+    segment_spans,
     structure_arrays,
 )
 from tensegra.mechanics.derivatives import (
@@ -28,7 +30,6 @@ from tensegra.mechanics.derivatives import (
     settle_tangent,
 )
 from tensegra.mechanics.equilibrium import Load
-from tensegra.mechanics.follow import PathSettings
 from tensegra.mechanics.inputs import (
     Actuation,
     Inputs,
@@ -105,7 +106,6 @@ class RunResults:
         self.residual[run], self.lowest_eigenvalue[run] = final.residual, final.lowest_eigenvalue
         self.steps[run], self.iterations[run] = final.steps, final.iterations
         for q, (kind, name) in enumerate(parameters):
-            self.nodes_by[run, q], self.tensions_by[run, q] = np.nan, np.nan
             if final.succeeded:
                 by = path.derivative(name, kind)
                 self.nodes_by[run, q], self.tensions_by[run, q] = by.nodes, by.tensions
@@ -118,9 +118,8 @@ def solve_block(
     inputs: Actuation,
     variants: Variants,
     parameters: Sequence[Parameter],
-    shared: Prepared | None,
+    base: Prepared,
     threads: int,
-    settings: PathSettings,
 ) -> RunResults:
     """Solve one block of runs.
 
@@ -130,22 +129,20 @@ def solve_block(
         The runs.
     parameters
         What to differentiate by.
-    shared
-        The structure solved through its stages, where all runs start there; None where they differ
-        from the first stage on.
+    base
+        The structure solved through its stages: where all runs start that do not vary it.
     threads
         Threads to share the runs in lockstep.
-    settings
-        How a run that leaves the plain course is followed.
     """
     began = time.perf_counter()
     n_runs = n_runs_of(inputs, variants)
-    base = shared or prepare(structure, settings=settings)
     block, done = _in_lockstep(structure, base, inputs, variants, parameters, threads)
     block.seconds[:] = (time.perf_counter() - began) / max(n_runs, 1)
     for run in np.flatnonzero(~done):
         began = time.perf_counter()
-        prepared = shared or prepare(varied_structure(structure, variants, int(run)), settings=settings)
+        prepared = base
+        if variants.vary:
+            prepared = prepare(varied_structure(structure, variants, int(run)), settings=base.settings)
         path = actuate(prepared, _scalars(inputs, int(run)))
         block.take(int(run), path, parameters, own_start=variants.vary)
         block.seconds[run] = time.perf_counter() - began
@@ -169,7 +166,7 @@ def _in_lockstep(
     plain = base.settings.path == "adaptive" and last.succeeded
     if not plain or n_runs == 0 or not (inputs.acts or variants.vary):
         return block, done
-    solver = _solver(structure, arrays, last.nodes, base.inputs, threads)
+    solver = _solver(base.tangent, arrays, last.nodes, base.inputs, threads)
     if not solver.serves:
         return block, done
     if variants.vary:
@@ -181,9 +178,11 @@ def _in_lockstep(
     directions = [direction_of(given, kind, name) for kind, name in parameters]
     outcome = solver.follow(stage, block.start, n_runs, directions)
     done &= outcome.done > 0
-    worst = Status.STABLE if all(e.status is Status.STABLE for e in base.equilibria) else Status.SNAPPED
-    block.status[:] = str(worst)
-    block.reason[:] = "; ".join(e.reason for e in base.equilibria if e.reason)
+    # Runs that vary the structure have come through its stages themselves, on a stable path.
+    shared_stages = () if variants.vary else base.equilibria
+    stable = all(equilibrium.status is Status.STABLE for equilibrium in shared_stages)
+    block.status[:] = str(Status.STABLE if stable else Status.SNAPPED)
+    block.reason[:] = "; ".join(equilibrium.reason for equilibrium in shared_stages if equilibrium.reason)
     block.nodes[:], block.tensions[:] = outcome.nodes.reshape(block.nodes.shape), outcome.tensions
     block.slack[:] = base.arrays.is_cable & (outcome.tensions == 0.0)
     block.residual[:], block.lowest_eigenvalue[:] = outcome.residual, outcome.lowest_eigenvalue
@@ -212,10 +211,8 @@ def _stages_in_lockstep(
 def _internal_forces(arrays: StructureArrays, rest_length: FloatArray) -> FloatArray:
     """Return the forces of all members at the given coordinates, ``(n_runs, n_nodes, 3)``."""
     first, second = arrays.segment_nodes.T
-    along = arrays.coordinates[second] - arrays.coordinates[first]
-    lengths = np.linalg.norm(along, axis=1)
-    total = np.add.reduceat(lengths, arrays.segment_start[:-1])
-    tension = arrays.stiffness * (total / rest_length - 1.0)
+    along, lengths = segment_spans(arrays, arrays.coordinates)
+    tension = arrays.stiffness * (path_lengths(arrays, arrays.coordinates) / rest_length - 1.0)
     tension = np.where(arrays.is_cable, np.maximum(tension, 0.0), tension)
     pull = np.repeat(tension, arrays.n_segments, axis=-1)[..., None] * (along / lengths[:, None])
     force = np.zeros((arrays.n_nodes, *tension.shape[:-1], 3))
@@ -225,11 +222,13 @@ def _internal_forces(arrays: StructureArrays, rest_length: FloatArray) -> FloatA
 
 
 def _solver(
-    structure: Structure, arrays: StructureArrays, nodes: FloatArray, inputs: Inputs, threads: int
+    tangent: Tangent, arrays: StructureArrays, nodes: FloatArray, inputs: Inputs, threads: int
 ) -> LockstepSolver:
-    """Build the solver with the softest modes at one position, a good guess for all runs."""
-    plain = structure_arrays(structure)
-    tangent = Tangent(plain)
+    """Build the solver with the softest modes at one position, a good guess for all runs.
+
+    `tangent` is that of the structure as it is given; `arrays` may vary it.
+    """
+    plain = tangent.arrays
     rest_length = effective_rest_length(plain, inputs)
     tangent.measure(nodes, rest_length.reshape(-1, plain.n_members)[0], plain.stiffness)
     modes = tangent.spectrum(SOFT_MODES).vectors
@@ -281,7 +280,8 @@ def differentiate_block(
         arrays = varied_arrays(structure, structure_arrays(structure), variants)
         after = _inputs_after(structure, arrays, inputs)
         direction = direction_of(Given(structure, arrays, after, inputs), of, name)
-        solver = _solver(structure, arrays, nodes[stands][0], after, threads)
+        tangent = Tangent(structure_arrays(structure))
+        solver = _solver(tangent, arrays, nodes[stands][0], after, threads)
         if solver.serves:
             outcome = solver.follow(_at_rest(arrays, after), nodes, len(nodes), [direction])
             result.nodes[:] = outcome.nodes_by[:, 0].reshape(nodes.shape)

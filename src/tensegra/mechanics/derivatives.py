@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from tensegra.errors import ModelError, SolverError
-from tensegra.mechanics.arrays import AXES, FloatArray, StructureArrays
+from tensegra.mechanics.arrays import AXES, FloatArray, StructureArrays, lumped_weight
 from tensegra.mechanics.equilibrium import Load, unbalanced
 from tensegra.mechanics.inputs import Actuation, Inputs, effective_rest_length
 from tensegra.mechanics.tangent import Tangent
@@ -234,8 +234,10 @@ def _by_area(given: Given, name: object) -> Direction:
             raise ModelError.at("derivative", name, "members with an area")
         row = given.arrays.member_index[member]
         direction.stiffness[..., row] = given.arrays.stiffness[..., row] / area
-        weight = _weight(given.structure, given.arrays, member)
-        direction.force[...] += weight[:, None] * given.inputs.gravity / area
+        weight = np.zeros(given.arrays.n_members)
+        weight[row] = given.structure.weight_per_length(member)
+        nodal = lumped_weight(given.arrays, weight)
+        direction.force[...] += nodal[:, None] * given.inputs.gravity / area
     return direction
 
 
@@ -261,17 +263,6 @@ _DIRECTIONS: dict[str, Callable[[Given, object], Direction]] = {
     "load": _by_load,
     "position": _by_position,
 }
-
-
-def _weight(structure: Structure, arrays: StructureArrays, member: str) -> FloatArray:
-    """Weight of one member lumped to the nodes, shape ``(n_nodes,)``."""
-    row = arrays.member_index[member]
-    segments = arrays.segment_nodes[arrays.segment_start[row] : arrays.segment_start[row + 1]]
-    ends = arrays.coordinates[segments]
-    weight = structure.weight_per_length(member) * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    nodal = np.zeros(arrays.n_nodes)
-    np.add.at(nodal, segments, 0.5 * weight[:, None])
-    return nodal
 
 
 def _coordinate(given: Given, name: object) -> tuple[int, int]:

@@ -29,7 +29,7 @@ ZERO_EIGENVALUE = 1e-11
 """Eigenvalues within this share of the largest EA/l₀ of zero cannot be told from it."""
 
 SMALLEST_SHIFT, LARGEST_SHIFT = 1e-9, 1e6
-"""Range of the shift μ of a descent, as shares of the largest diagonal entry of K."""
+"""Range of the shift μ of a descent, as shares of the largest EA/l₀."""
 
 FLAT_TENSION = 1e-11
 """Tensions below this share of the reference tension are none: the prestress is lost."""
@@ -105,6 +105,43 @@ def unbalanced(
     return out, residual
 
 
+def unbalanced_by(
+    tangent: Tangent, nodes: FloatArray, load: Load, tension: FloatArray | None
+) -> tuple[FloatArray, float]:
+    """Measure as `unbalanced` does, with tensions that are unknowns of their own.
+
+    Where `tension`, ``(n_members,)``, is given it decides which cables are slack, and K will be
+    built with it.
+    """
+    if tension is None:
+        return unbalanced(tangent, nodes, load)
+    balance = unbalanced(tangent, nodes, load, taut=~tangent.arrays.is_cable | (tension > 0.0))
+    tangent.stress = tension
+    return balance
+
+
+def predicted_tension(
+    tangent: Tangent, load: Load, correction: FloatArray, change: FloatArray | float = 0.0
+) -> FloatArray:
+    """Return the tensions k (ℓ − l₀ + b·u) after a correction u of the nodes, none negative in a cable.
+
+    Parameters
+    ----------
+    tangent
+        Measured where the correction starts.
+    load
+        What acts there.
+    correction
+        Shape ``(n_nodes, 3)``.
+    change
+        Of the tensions by what else changes with the correction, shape ``(n_members,)``.
+    """
+    stretch = tangent.length - load.rest_length + tangent.length_rate(correction)
+    tension: FloatArray = load.stiffness / load.rest_length * stretch + change
+    tension[tangent.arrays.is_cable & (tension < 0.0)] = 0.0
+    return tension
+
+
 def newton(
     tangent: Tangent,
     nodes: FloatArray,
@@ -146,14 +183,9 @@ def newton(
         Whether to go on below the tolerance as long as it helps.
     """
     x = nodes
-    is_cable = tangent.arrays.is_cable
     last_move = np.inf
     for iteration in range(max_iterations):
-        if tension is None:
-            out, residual = unbalanced(tangent, x, load)
-        else:
-            out, residual = unbalanced(tangent, x, load, taut=~is_cable | (tension > 0.0))
-            tangent.stress = tension
+        out, residual = unbalanced_by(tangent, x, load, tension)
         if residual <= RESIDUAL_TOLERANCE:
             out, residual = unbalanced(tangent, x, load)
             if residual <= RESIDUAL_TOLERANCE:
@@ -171,9 +203,7 @@ def newton(
             or np.abs(trial - nodes).max(initial=0.0) > largest_move
         ):
             return Attempt(x, converged=False, residual=residual, iterations=iteration + 1)
-        stretch = tangent.length - load.rest_length + tangent.length_rate(correction)
-        tension = load.stiffness / load.rest_length * stretch
-        tension[is_cable & (tension < 0.0)] = 0.0
+        tension = predicted_tension(tangent, load, correction)
         x, last_move = trial, move
     out, residual = unbalanced(tangent, x, load)
     tangent.factorise()
@@ -256,6 +286,8 @@ def descend(
                 return Attempt(x, converged=True, residual=residual, iterations=iteration, neutral=True)
             push = out + _downhill(tangent, out, spectrum)
         step, shift = _bounded_step(tangent, push, shift, largest_move)
+        if step is None:
+            break
         trial = x + step
         trial_out, trial_residual = unbalanced(tangent, trial, load)
         trial_energy = potential(tangent, trial, load)
@@ -275,14 +307,18 @@ def descend(
 
 def _bounded_step(
     tangent: Tangent, push: FloatArray, shift: float, largest_move: float
-) -> tuple[FloatArray, float]:
-    """Return the shifted Newton step and the shift that made it downhill and short enough."""
-    while True:
+) -> tuple[FloatArray | None, float]:
+    """Return the shifted Newton step and the shift that made it downhill and short enough.
+
+    There is no step where no shift does: two nodes of a segment have met, and K is no number.
+    """
+    while shift <= LARGEST_SHIFT * tangent.stiffness_scale:
         if tangent.factorise(shift) == 0:
             step = tangent.solve(-push)
             if np.abs(step).max(initial=0.0) <= largest_move:
                 return step, shift
         shift = max(4.0 * shift, SMALLEST_SHIFT * tangent.stiffness_scale)
+    return None, shift
 
 
 def _downhill(tangent: Tangent, out: FloatArray, spectrum: Spectrum) -> FloatArray:

@@ -13,7 +13,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from tensegra.errors import ModelError
-from tensegra.mechanics.arrays import BoolArray, FloatArray
+from tensegra.mechanics.arrays import BoolArray, FloatArray, path_lengths
 from tensegra.mechanics.equilibrium import (
     FLAT_TENSION,
     ZERO_EIGENVALUE,
@@ -193,7 +193,7 @@ class StageFollower:
             run.nodes = attempt.nodes
         elif not self._settle(run, "unstable start"):
             return run
-        self._record(run, 0)
+        self.record(run, 0)
         return run
 
     def run(self, name: str, nodes: FloatArray) -> StageRun:
@@ -225,7 +225,7 @@ class StageFollower:
                 run.nodes, run.parameter = attempt.nodes, parameter
                 self._note_events(run, here.taut, self.tangent.taut)
                 run.steps += 1
-                self._record(run, attempt.iterations)
+                self.record(run, attempt.iterations)
                 return self._next_step(increment, correction, increment * here.speed, cut=cut)
             cut, step = True, 0.4 * increment
             if step < self.settings.smallest_step:
@@ -297,10 +297,7 @@ class StageFollower:
 
     def _gaps(self, nodes: FloatArray, parameter: float) -> FloatArray:
         """Elongations ℓ − l₀ of all members at a position."""
-        ends = nodes[self.arrays.segment_nodes]
-        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        total = np.add.reduceat(lengths, self.arrays.segment_start[:-1])
-        gaps: FloatArray = total - self.inputs.rest_length_at(parameter)
+        gaps: FloatArray = path_lengths(self.arrays, nodes) - self.inputs.rest_length_at(parameter)
         return gaps
 
     def _next_step(self, increment: float, correction: float, predicted: float, *, cut: bool) -> float:
@@ -316,7 +313,8 @@ class StageFollower:
             becomes = "taut" if after[e] else "slack"
             run.slack_events.append(SlackEvent(run.name, run.parameter, self.arrays.member_ids[e], becomes))
 
-    def _record(self, run: StageRun, iterations: int) -> None:
+    def record(self, run: StageRun, iterations: int) -> None:
+        """Add where the run stands, at the last measure, to its history."""
         tension = self.tangent.tension.copy()
         run.history.append(PathPoint(run.name, run.parameter, run.nodes, tension, iterations))
 

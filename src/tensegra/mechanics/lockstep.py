@@ -3,8 +3,8 @@
 Every tick does the same for all lanes of a pack: measure, assemble, factorise, solve. What a lane
 does with the outcome is its own affair: correct again, accept the step and predict the next, cut the
 step, or finish and make room for the next run of the queue. A run that leaves the plain course (no
-convergence, a negative eigenvalue, a step too small) is given back
-and is solved from its start by the follower of `tensegra.mechanics.follow`.
+convergence, a negative eigenvalue, a step too small) is given back and is solved from its start by
+the follower of `tensegra.mechanics.follow`.
 
 Lanes do not exchange numbers, so a result depends neither on its neighbours nor on the order.
 """

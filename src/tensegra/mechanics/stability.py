@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensegra.errors import SolverError
-from tensegra.mechanics.arrays import FloatArray, StructureArrays, structure_arrays
+from tensegra.mechanics.arrays import FloatArray, StructureArrays, segment_spans, structure_arrays
 from tensegra.mechanics.equilibrium import unbalanced
 from tensegra.mechanics.follow import most_moved
 from tensegra.mechanics.results import EquilibriumPath
@@ -20,7 +20,7 @@ from tensegra.mechanics.tangent import Tangent
 from tensegra.structure import Structure
 
 SINGULAR = 1e-9
-"""Eigenvalues of K below this share of the largest diagonal entry belong to free mechanisms."""
+"""Eigenvalues of K below this share of the largest EA/l₀ belong to free mechanisms."""
 
 RANK_TOLERANCE = 1e-7
 """Singular values below this share of the largest are zero: coordinates are written to six digits."""
@@ -99,8 +99,8 @@ def equilibrium_matrix(
     """
     x = arrays.coordinates if nodes is None else nodes
     first, second = arrays.segment_nodes.T
-    along = x[second] - x[first]
-    unit = along / np.linalg.norm(along, axis=1, keepdims=True)
+    along, lengths = segment_spans(arrays, x)
+    unit = along / lengths[:, None]
     n_segments = len(along)
     matrix = np.zeros((arrays.n_nodes, 3, n_segments))
     columns = np.arange(n_segments)

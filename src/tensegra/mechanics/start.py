@@ -54,10 +54,10 @@ def _stay_unstable(follower: StageFollower, run: StageRun) -> bool:
     if not attempt.converged or lowest >= -ZERO_EIGENVALUE * tangent.stiffness_scale:
         return False
     run.nodes, run.parameter = attempt.nodes, 1.0
-    run.outcome = Status.UNSTABLE
-    run.reason = (
+    run.end(
+        Status.UNSTABLE,
         f"the start is an equilibrium that does not stand: {tangent.factorise()} negative eigenvalue(s), "
-        f"lowest {lowest:.4g}"
+        f"lowest {lowest:.4g}",
     )
     return True
 
@@ -70,8 +70,8 @@ def _fall_into_place(follower: StageFollower, run: StageRun) -> StageRun:
     )
     run.nodes, run.parameter = attempt.nodes, 1.0
     if not attempt.converged:
-        run.outcome = Status.FAILED
-        run.reason = f"no equilibrium found from the given coordinates: residual {attempt.residual:.3g}"
+        residual = f"residual {attempt.residual:.3g}"
+        run.end(Status.FAILED, f"no equilibrium found from the given coordinates: {residual}")
     elif attempt.flat or attempt.neutral:
         run.end(Status.COLLAPSED, "the structure does not stand: nothing holds it in its position")
     return run

@@ -15,7 +15,7 @@ from tensegra.mechanics.equilibrium import (
     unbalanced,
 )
 from tensegra.mechanics.follow import StageFollower, StageRun
-from tensegra.mechanics.status import PathPoint, Status
+from tensegra.mechanics.status import Status
 
 MAX_ITERATIONS = 100
 """Newton solves of one increment after which the plain procedure has not converged."""
@@ -41,6 +41,7 @@ def run_stepped(follower: StageFollower, name: str, nodes: np.ndarray) -> StageR
         parameter = i / n_increments
         load = follower.load_at(parameter)
         x, converged = follower.with_supports(run.nodes, parameter), False
+        before = run.iterations
         for _ in range(MAX_ITERATIONS):
             out, residual = unbalanced(tangent, x, load)
             if converged := residual <= RESIDUAL_TOLERANCE:
@@ -59,7 +60,7 @@ def run_stepped(follower: StageFollower, name: str, nodes: np.ndarray) -> StageR
             return run
         run.nodes, run.parameter = x, parameter
         run.steps += 1
-        run.history.append(PathPoint(name, parameter, x, tangent.tension.copy(), run.iterations))
+        follower.record(run, run.iterations - before)
     if tangent.factorise() > 0:
         lowest = tangent.lowest_eigenvalue()
         if lowest > -ZERO_EIGENVALUE * tangent.stiffness_scale:

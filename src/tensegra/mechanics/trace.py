@@ -10,9 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensegra.mechanics.arrays import FloatArray
-from tensegra.mechanics.equilibrium import RESIDUAL_TOLERANCE, newton, unbalanced
+from tensegra.mechanics.equilibrium import (
+    RESIDUAL_TOLERANCE,
+    newton,
+    predicted_tension,
+    unbalanced,
+    unbalanced_by,
+)
 from tensegra.mechanics.follow import StageFollower, StageRun, most_moved
-from tensegra.mechanics.status import CriticalPoint, PathPoint, Status
+from tensegra.mechanics.status import CriticalPoint, Status
 
 LARGEST_ARC = 0.03
 """Longest step along the branch, as a share of the structure's size."""
@@ -66,11 +72,7 @@ def trace_branch(follower: StageFollower, run: StageRun) -> None:
         run.iterations += there.iterations
         run.nodes, run.parameter = there.nodes, there.parameter
         unbalanced(follower.tangent, there.nodes, follower.load_at(there.parameter))
-        run.history.append(
-            PathPoint(
-                run.name, there.parameter, there.nodes, follower.tangent.tension.copy(), there.iterations
-            )
-        )
+        follower.record(run, there.iterations)
         here = there
         arc = min(LARGEST_ARC, arc * (1.5 if there.iterations <= 4 else 0.7 if there.iterations > 6 else 1.0))
     run.end(Status.FAILED, f"no end after {run.steps} steps along the branch")
@@ -104,10 +106,7 @@ def _step(follower: StageFollower, here: BranchPoint, arc: float) -> BranchPoint
     for iteration in range(10):
         load = follower.load_at(parameter)
         x = follower.with_supports(x, parameter)
-        taut = None if tension is None else ~follower.arrays.is_cable | (tension > 0.0)
-        out, residual = unbalanced(tangent, x, load, taut)
-        if tension is not None:
-            tangent.stress = tension
+        out, residual = unbalanced_by(tangent, x, load, tension)
         if residual <= RESIDUAL_TOLERANCE and unbalanced(tangent, x, load)[1] <= RESIDUAL_TOLERANCE:
             turned = (
                 np.sum((x - here.nodes) * here.motion) / size**2 + (parameter - here.parameter) * here.rate
@@ -124,9 +123,7 @@ def _step(follower: StageFollower, here: BranchPoint, arc: float) -> BranchPoint
         size_of_move = float(np.abs(move).max() / size + abs(change))
         if not size_of_move < 5.0 * arc or (iteration > 1 and size_of_move > 0.7 * last_move):
             return None
-        stretch = tangent.length - load.rest_length + tangent.length_rate(correction)
-        tension = load.stiffness / load.rest_length * stretch + change * tension_rate
-        tension[follower.arrays.is_cable & (tension < 0.0)] = 0.0
+        tension = predicted_tension(tangent, load, correction, change * tension_rate)
         x, parameter, last_move = x + move, parameter + change, size_of_move
     return None
 
@@ -172,7 +169,6 @@ def _finish(follower: StageFollower, run: StageRun, here: BranchPoint, there: Br
         return
     run.nodes, run.parameter = attempt.nodes, 1.0
     run.steps += 1
-    tension = follower.tangent.tension.copy()
-    run.history.append(PathPoint(run.name, 1.0, attempt.nodes, tension, attempt.iterations))
+    follower.record(run, attempt.iterations)
     outcome = Status.UNSTABLE if follower.tangent.n_negative > 0 else Status.SNAPPED
     run.end(outcome, f"traced through {_passed(run)}")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tensegra.errors import ModelError
-from tensegra.mechanics.arrays import FloatArray, StructureArrays
+from tensegra.mechanics.arrays import FloatArray, StructureArrays, lumped_weight
 from tensegra.structure import Structure
 
 
@@ -84,7 +84,6 @@ def varied_arrays(structure: Structure, arrays: StructureArrays, variants: Varia
     n_runs = len(next(values for group in variants.groups() for values in group.values()))
     stiffness = np.tile(arrays.stiffness, (n_runs, 1))
     rest_length = np.tile(arrays.rest_length, (n_runs, 1))
-    lumped = _lumped_lengths(arrays)
     weight = np.tile(
         np.array([structure.weight_per_length(member) for member in structure.members]), (n_runs, 1)
     )
@@ -101,16 +100,9 @@ def varied_arrays(structure: Structure, arrays: StructureArrays, variants: Varia
             weight[:, e] *= relative
     for name, values in variants.rest_length.items():
         rest_length[:, arrays.member_index[name]] = values
-    nodal_weight = weight @ lumped
-    return replace(arrays, stiffness=stiffness, rest_length=rest_length, nodal_weight=nodal_weight)
-
-
-def _lumped_lengths(arrays: StructureArrays) -> FloatArray:
-    """Return the length of each member that each node bears, ``(n_members, n_nodes)``."""
-    ends = arrays.coordinates[arrays.segment_nodes]
-    half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    member = np.repeat(np.arange(arrays.n_members), arrays.n_segments)
-    lumped = np.zeros((arrays.n_members, arrays.n_nodes))
-    for side in (0, 1):
-        np.add.at(lumped, (member, arrays.segment_nodes[:, side]), half)
-    return lumped
+    return replace(
+        arrays,
+        stiffness=stiffness,
+        rest_length=rest_length,
+        nodal_weight=lumped_weight(arrays, weight),
+    )

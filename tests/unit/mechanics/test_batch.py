@@ -5,7 +5,7 @@ import pytest
 
 from tensegra.errors import ModelError
 from tensegra.mechanics import PathSettings, solve_batch, solve_path
-from tensegra.structure import Member, Structure, apply_changes, library
+from tensegra.structure import Member, Structure, apply_changes, library, parse_structure
 
 SAME = 1e-9
 """Of the structure's size: both solve the same equations, perhaps in other steps."""
@@ -224,3 +224,23 @@ def test_derivatives_asked_for_are_those_computed_on_demand(beam):
 def test_a_derivative_that_cannot_be_had_is_refused(beam, asked):
     with pytest.raises(ModelError):
         solve_batch(beam, actuation={"A14": [0.05]}, derivatives=[asked])
+
+
+def test_a_varied_run_that_does_not_snap_is_not_called_snapped():
+    # A shallow tripod under a load that it bears only where it is much stiffer.
+    leg = {"kind": "strut", "material": "soft", "area": 1.0}
+    feet = {str(i): [np.cos(a), np.sin(a), 0.0] for i, a in enumerate(2 * np.pi * np.arange(3) / 3)}
+    tripod = parse_structure(
+        {
+            "nodes": {**feet, "top": [0.0, 0.0, 0.3]},
+            "materials": {"soft": {"youngs_modulus": 1e6}},
+            "members": {f"s{foot}": {**leg, "nodes": [foot, "top"]} for foot in feet},
+            "supports": dict.fromkeys(feet, "xyz"),
+            "stages": [{"name": "load", "loads": {"top": [0, 0, -2e4]}}],
+        }
+    )
+    assert solve_path(tripod).status == "snapped"
+    runs = solve_batch(tripod, youngs_modulus={"soft": [1e6, 1e8]}, loads={("top", "z"): [0.0, 0.0]})
+    assert runs.status.tolist() == ["snapped", "stable"]
+    assert runs.reason[1] == ""
+    assert "snap" in runs.reason[0]
