@@ -131,6 +131,8 @@ class Writer:
         )
         if selection.note:
             section.paragraphs.append(f"{selection.note}.")
+        text = "Shares of all runs, by the solver's word and by the groups of the outputs."
+        self._add(section, "The outcomes", text, figures.outcome_figure(frame, selection))
         drawing = figures.selection_figure(study, frame, selection)
         self._add(section, "The selection", "Runs by pairs of outputs.", drawing)
         yield section

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tensegra.mechanics import Batch
     from tensegra.mechanics.derivatives import ParameterKind
 
-__all__ = ["DIFFERENTIABLE", "derivative_name", "output_derivatives"]
+__all__ = ["DIFFERENTIABLE", "derivative_name", "output_derivatives", "parameters_along"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -79,7 +79,10 @@ def output_derivatives(
         name: arguments[name] for name in ("youngs_modulus", "area", "rest_length") if name in arguments
     }
     measured = any(output.quantity == "displacement" for output in outputs)
-    starts = solve(runs.structure, **before) if before and measured else None
+    starts = None
+    if before and measured:
+        early = [variable for variable in variables if variable.quantity in BEFORE_STAGES]
+        starts = solve(runs.structure, **before, derivatives=parameters_along(early, arguments))
     values = np.full((len(X), len(outputs), len(variables)), np.nan)
     for j, (variable, column) in enumerate(zip(variables, X.T, strict=True)):
         moves_start = variable.quantity in BEFORE_STAGES
@@ -88,6 +91,25 @@ def output_derivatives(
             if output.quantity in DIFFERENTIABLE:
                 values[:, i, j] = _CHAINS[output.quantity](output, runs, rates)
     return values
+
+
+def parameters_along(
+    variables: Sequence[Variable], arguments: Mapping[str, Mapping[Any, Array]]
+) -> "list[tuple[ParameterKind, object]]":
+    """Return what `solve_batch` can differentiate by while it solves, of all that variables set.
+
+    The rest is differentiated on demand, at the price of one more certificate for each parameter.
+    """
+    # Compiled kernels, imported where they are first needed.
+    from tensegra.mechanics.block import LOCKSTEP_KINDS
+
+    wanted = {
+        (kind, name): None
+        for variable in variables
+        for kind, name, _ in _parameters(variable, arguments.get("rest_length", {}))
+        if kind in LOCKSTEP_KINDS
+    }
+    return list(wanted)
 
 
 def _rates(
@@ -99,9 +121,9 @@ def _rates(
 ) -> Rates:
     """Return the rates with one variable: those with the parameters it sets, weighted by the chain rule."""
     total = Rates(np.zeros_like(runs.nodes), np.zeros_like(runs.nodes), np.zeros_like(runs.tensions))
-    for kind, name, weight in _parameters(variable, column, arguments.get("rest_length", {})):
+    for kind, name, weight in _parameters(variable, arguments.get("rest_length", {})):
         by = runs.derivative(name, kind)
-        weighted = np.broadcast_to(weight, runs.n_runs)
+        weighted = np.broadcast_to(weight(column), runs.n_runs)
         total.nodes[...] += weighted[:, None, None] * by.nodes
         total.tensions[...] += weighted[:, None] * by.tensions
         if starts is not None:
@@ -110,20 +132,24 @@ def _rates(
 
 
 def _parameters(
-    variable: Variable, column: Array, rest_length: Mapping[Any, Array]
-) -> "list[tuple[ParameterKind, object, Array | float]]":
-    """Return the solver's parameters that a variable sets: kind, name, and their rate with the variable.
+    variable: Variable, rest_length: Mapping[Any, Array]
+) -> "list[tuple[ParameterKind, object, Callable[[Array], Array | float]]]":
+    """Return the solver's parameters that a variable sets: kind, name, and their rate with its values.
 
     With a prestress c a rest length starts at l = l₀ (1 + c)/(1 + c₀), so ∂l/∂c = l/(1 + c) and
     ∂l/∂l₀ = l/l₀.
     """
     target = variable.target
     if isinstance(target, Prestress):
-        return [("rest_length", member, rest_length[member] / (1.0 + column)) for member in target.members]
+        return [("rest_length", member, _per(rest_length[member], 1.0)) for member in target.members]
     if variable.quantity == "rest_length":
-        return [("rest_length", target, rest_length[target] / column)]
+        return [("rest_length", target, _per(rest_length[target], 0.0))]
     name = (target.node, target.axis) if isinstance(target, Coordinate) else target
-    return [(_KINDS[variable.quantity], name, 1.0)]
+    return [(_KINDS[variable.quantity], name, lambda _: 1.0)]
+
+
+def _per(length: Array, offset: float) -> "Callable[[Array], Array]":
+    return lambda values: length / (offset + values)
 
 
 _KINDS: "dict[str, ParameterKind]" = {

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegra.errors import StudyError
 from tensegra.structure import Structure
-from tensegra.study.derivatives import output_derivatives
+from tensegra.study.derivatives import output_derivatives, parameters_along
 from tensegra.study.outputs import Output
 from tensegra.study.solver import Solver, SolverEntry
 from tensegra.study.variables import Coordinate, Prestress, Variable
@@ -115,7 +115,8 @@ def evaluate(
         raise StudyError.at(place, float(X[row, column]), "a finite number")
     solve = solver or SolverEntry().solver()
     arguments = batch_inputs(structure, variables, X)
-    runs = solve(structure, **arguments)
+    along = {"derivatives": parameters_along(variables, arguments)} if derivatives else {}
+    runs = solve(structure, **arguments, **along)
     status = np.asarray(runs.status, dtype=np.str_)
     failed = status == "failed"
     return Runs(

@@ -1,13 +1,16 @@
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from tensegra.mechanics import solve_path
 from tensegra.report import figures
 from tensegra.structure import library
+from tensegra.study import select
 
 
 def texts_in(drawing):
@@ -37,6 +40,7 @@ def drawings(results):
         "design": figures.design_figure(study, frame),
         "outputs": figures.output_figure(study, frame),
         "selection": figures.selection_figure(study, frame, results.campaign.select(frame)),
+        "outcome": figures.outcome_figure(frame, results.campaign.select(frame)),
     }
     for name, stored in results.surrogates.items():
         made[f"parity of {name}"] = figures.parity_figure(stored.surrogate, stored.held_out())
@@ -106,3 +110,24 @@ def test_figures_need_no_pyplot():
         "sys.exit('matplotlib.pyplot' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0  # noqa: S603
+
+
+def test_shares_of_the_outcome_are_those_of_the_runs():
+    statuses = ["stable"] * 6 + ["collapsed"] * 3 + ["failed"]
+    frame = pd.DataFrame({"w": np.arange(10.0), "status": statuses})
+    labels = np.array([0, 0, 0, 0, 1, 1, -1, -1, -1, -1])
+    drawing = figures.outcome_figure(frame, replace(select(frame, ["w"]), labels=labels))
+    solver, clustering = drawing.axes
+    shares = [[patch.get_width() for patch in axes.patches] for axes in (solver, clustering)]
+    assert shares == [[60.0, 30.0, 10.0], [40.0, 20.0, 40.0]]
+    texts = [text.get_text() for text in clustering.get_legend().get_texts()]
+    assert texts == ["largest group, 40 %", "group 1, 20 %", "no group, 40 %"]
+
+
+def test_legends_stay_inside_their_figures(drawings):
+    for name, drawing in drawings.items():
+        drawing.canvas.draw()
+        for legend in drawing.legends:
+            box = legend.get_window_extent()
+            assert box.x0 >= 0, name
+            assert box.x1 <= drawing.bbox.x1, name

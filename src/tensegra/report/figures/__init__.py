@@ -8,7 +8,13 @@ from tensegra.report.figures.analysis import (
     visited_figure,
 )
 from tensegra.report.figures.structure import shape_figure, structure_figure
-from tensegra.report.figures.study import design_figure, output_figure, parity_figure, selection_figure
+from tensegra.report.figures.study import (
+    design_figure,
+    outcome_figure,
+    output_figure,
+    parity_figure,
+    selection_figure,
+)
 from tensegra.report.figures.style import WIDTH, svg
 
 __all__ = [
@@ -16,6 +22,7 @@ __all__ = [
     "design_figure",
     "index_convergence",
     "index_figure",
+    "outcome_figure",
     "output_figure",
     "parity_figure",
     "propagation_figure",

@@ -10,6 +10,7 @@ from tensegra.report.figures.style import (
     GREY,
     STATUS_COLOURS,
     WIDTH,
+    YELLOW,
     figure,
     grid,
     legend_above,
@@ -17,6 +18,7 @@ from tensegra.report.figures.style import (
 )
 from tensegra.report.tables import labelled
 from tensegra.study import Selection, Study
+from tensegra.study.selection import NO_GROUP
 from tensegra.surrogate.validation import HALF_WIDTH_90
 
 if TYPE_CHECKING:
@@ -26,10 +28,15 @@ if TYPE_CHECKING:
 
     from tensegra.surrogate import Surrogate
 
-__all__ = ["design_figure", "output_figure", "parity_figure", "selection_figure"]
+__all__ = ["design_figure", "outcome_figure", "output_figure", "parity_figure", "selection_figure"]
 
 MOST_POINTS = 4000
 """Dots that still tell more than a black square; of more, every n-th is drawn."""
+
+MOST_GROUPS = 5
+"""Groups that are told apart; further ones are drawn together."""
+
+GROUP_COLOURS = COLOURS[1:]
 
 
 @styled
@@ -85,6 +92,43 @@ def output_figure(study: Study, frame: "pd.DataFrame") -> "Figure":
             else:
                 axes.tick_params(labelleft=False)
     legend_above(made, made.axes[0], scale=1.6)
+    return made
+
+
+@styled
+def outcome_figure(frame: "pd.DataFrame", selection: Selection) -> "Figure":
+    """Draw the shares of the outcomes: by the solver's word, and by the groups of the outputs (Fig. 6)."""
+    statuses = frame["status"].to_numpy()
+    n_groups = int(selection.labels.max(initial=NO_GROUP)) + 1
+    others = zip(range(1, min(n_groups, MOST_GROUPS)), GROUP_COLOURS, strict=False)
+    bars = {
+        "solver": [(status, statuses == status, colour) for status, colour in STATUS_COLOURS.items()],
+        "clustering": [
+            ("largest group", selection.labels == 0, COLOURS[0]),
+            *((f"group {label}", selection.labels == label, colour) for label, colour in others),
+            ("further groups", selection.labels >= MOST_GROUPS, YELLOW),
+            ("no group", selection.labels == NO_GROUP, GREY),
+        ],
+    }
+    made = figure(2.6)
+    for row, (name, parts) in enumerate(bars.items()):
+        axes = made.add_subplot(len(bars), 1, row + 1)
+        begin = 0.0
+        for label, mask, colour in parts:
+            share = 100.0 * float(mask.mean())
+            if share > 0.0:
+                text = f"{label}, {share:.3g} %"
+                axes.barh([0], [share], left=begin, color=colour, edgecolor="white", label=text)
+                begin += share
+        axes.set_xlim(0.0, 100.0)
+        axes.set_yticks([0], [name])
+        axes.grid(visible=False, axis="y")
+        columns = min(4, len(axes.patches))
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.2)
+        if row == len(bars) - 1:
+            axes.set_xlabel("share of the runs [%]")
+        else:
+            axes.tick_params(labelbottom=False)
     return made
 
 

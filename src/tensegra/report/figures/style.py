@@ -8,12 +8,12 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any, ParamSpec
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["COLOURS", "GREY", "STATUS_COLOURS", "figure", "grid", "legend_above", "styled", "svg"]
+__all__ = ["COLOURS", "GREY", "STATUS_COLOURS", "YELLOW", "figure", "grid", "legend_above", "styled", "svg"]
 
 P = ParamSpec("P")
 
@@ -42,6 +42,9 @@ STATUS_COLOURS = {
 
 WIDTH = 7.4
 """Inches; the report's column."""
+
+LEGEND_HANDLE, LEGEND_LETTER = 0.45, 0.062
+"""Inches that an entry of a legend takes beside its text, and one letter of it."""
 
 _STYLE: dict[str, Any] = {
     "figure.constrained_layout.use": True,
@@ -103,8 +106,18 @@ def legend_above(made: "Figure", axes: "Axes", scale: float = 1.0) -> None:
     """Put the legend of one panel above all of them, its dots `scale` times larger."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        columns = min(len(labels), 5)
+        room = made.bbox.width / made.dpi
+        fitting = (n for n in range(min(len(labels), 5), 1, -1) if _legend_width(labels, n) <= room)
+        columns = next(fitting, 1)
         made.legend(handles, labels, loc="outside upper center", ncols=columns, markerscale=scale)
+
+
+def _legend_width(labels: "Sequence[str]", columns: int) -> float:
+    """Estimate the width of a legend in inches; its entries fill one column after the other."""
+    rows, longer = divmod(len(labels), columns)
+    ends = [(i + 1) * rows + min(i + 1, longer) for i in range(columns)]
+    parts = [labels[begin:end] for begin, end in zip([0, *ends], ends, strict=False)]
+    return sum(LEGEND_HANDLE + LEGEND_LETTER * max(map(len, part)) for part in parts)
 
 
 def svg(made: "Figure") -> bytes:
