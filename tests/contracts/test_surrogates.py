@@ -7,7 +7,7 @@ import pytest
 
 from tensegra.errors import StudyError
 from tensegra.study.data import TrainingData
-from tensegra.surrogate import KINDS, OutsideBoxWarning, Surrogate, fit, load
+from tensegra.surrogate import KINDS, OutsideBoxWarning, RegimeData, Surrogate, fit, load
 
 NAMES = ("A14", "T_top", "E_c")
 BOX = np.array([[0.05, 0.10], [0.0, 150.0], [1.1e4, 1.2e4]])  # inputs of very different sizes
@@ -29,6 +29,11 @@ CASES = {
     "pce": ("pce", {}, False, 1e-6),
     "pce, derivatives": ("pce", {}, True, 1e-6),
     "pce, one degree": ("pce", {"degree": 3}, False, 1e-3),
+    "field": ("field", {}, False, 1e-5),
+    "field, derivatives": ("field", {}, True, 1e-5),
+    "field of processes": ("field", {"amplitudes": "gpr"}, False, 1e-5),
+    "piecewise": ("piecewise", {}, False, 1e-6),
+    "piecewise, two regimes": ("piecewise", {"piece": "pce", "iterations": 200}, False, 1e-5),
 }
 
 LARGE_STEP, SMALL_STEP = 1e-3, 5e-4  # of the box: well above rounding, small beside the function's waves
@@ -76,8 +81,13 @@ def runs(n, *, derivatives, seed=0):
 
 def trained(case, **changes):
     kind, options, derivatives, _ = CASES[case]
+    data = runs(150, derivatives=derivatives)
+    if case.endswith("two regimes"):
+        regimes = np.where(data.X[:, 0] < BOX[0].mean(), "left", "right")
+        nothing = np.zeros((0, 3))
+        data = RegimeData(runs=data, regimes=regimes, fallen_X=nothing, fallen=np.zeros(0, dtype=str))
     return fit(
-        runs(150, derivatives=derivatives),
+        data,
         kind,
         validation=runs(80, derivatives=False, seed=7),
         **options,

@@ -207,10 +207,17 @@ class SurrogateModel:
         return _surrogate_units(self.surrogate)
 
     def evaluate(self, X: ArrayLike) -> Evaluation:
-        """Return the predictions at the points `X`."""
+        """Return the predictions at the points `X`.
+
+        Where the surrogate knows of regimes, the status of a point is its regime, and a point at which the
+        structure more probably than not does not stand has no result.
+        """
         X = points(X, self.input_names)
         with self._outside_is_counted(X):
-            return Evaluation.of_values(np.asarray(self.surrogate.predict(X)).reshape(len(X), -1))
+            if not getattr(self.surrogate, "regime_names", ()):
+                return Evaluation.of_values(np.asarray(self.surrogate.predict(X)).reshape(len(X), -1))
+            values, regimes = self.surrogate.predict(X, return_regime=True)
+        return Evaluation(values, np.isfinite(values).all(axis=1), regimes)
 
     def gradient(self, X: ArrayLike) -> Array:
         """Return the predictions' derivatives (n, n_outputs, n_inputs)."""

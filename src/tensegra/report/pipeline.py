@@ -17,7 +17,7 @@ from tensegra.study import AnalysisEntry, Campaign, Study, SurrogateEntry, Train
 from tensegra.study.analyses import TRUTH
 
 if TYPE_CHECKING:
-    from tensegra.surrogate import Surrogate
+    from tensegra.surrogate import RegimeData, Surrogate
 
 __all__ = ["Listener", "carry_out"]
 
@@ -155,18 +155,22 @@ def _surrogates(campaign: Campaign, index: Index, listener: Listener) -> dict[st
     except StudyError as error:
         index.failures.append(str(error))
         return {}
+    from tensegra.surrogate import RegimeData, campaign_runs, load
+
     folder = campaign.folder / SURROGATES
     folder.mkdir(exist_ok=True)
     fitted: dict[str, Fitted] = {}
     for done, (name, entry) in enumerate(study.surrogates.items()):
         listener("surrogates", done, len(study.surrogates), name)
-        key = key_of("surrogate", entry.written(), study.seed, data.X.tolist(), data.Y.tolist())
+        runs = campaign_runs(campaign) if entry.kind == "piecewise" else data
+        learnt = [runs.X.tolist(), data.Y.tolist()]
+        if isinstance(runs, RegimeData):
+            learnt.append(runs.labels.tolist())
+        key = key_of("surrogate", entry.written(), study.seed, *learnt)
         if known.get(name, {}).get("key") == key and (folder / f"{name}.tg").is_file():
-            from tensegra.surrogate import load
-
             surrogate = load(folder / f"{name}.tg")
         else:
-            surrogate = _fit(data, entry, study.seed, folder / name)
+            surrogate = _fit(runs, entry, study.seed, folder / name)
         fitted[name] = Fitted(surrogate, key)
         index.surrogates[name] = {"key": key}
     index.write(campaign.folder)
@@ -174,8 +178,8 @@ def _surrogates(campaign: Campaign, index: Index, listener: Listener) -> dict[st
     return fitted
 
 
-def _fit(data: TrainingData, entry: SurrogateEntry, seed: int, stem: Path) -> "Surrogate":
-    """Fit a surrogate, keep the runs that it did not see, and save both."""
+def _fit(data: "TrainingData | RegimeData", entry: SurrogateEntry, seed: int, stem: Path) -> "Surrogate":
+    """Fit a surrogate, keep the standing runs that it did not see, and save both."""
     import pandas as pd
 
     from tensegra.surrogate import fit
@@ -192,12 +196,13 @@ def _fit(data: TrainingData, entry: SurrogateEntry, seed: int, stem: Path) -> "S
     surrogate = fit(
         rest, entry.kind, training_size=entry.training_size, validation=held, seed=seed, **entry.options
     )
-    columns = dict(zip(held.input_names, held.X.T, strict=True)) | dict(
-        zip(held.output_names, held.Y.T, strict=True)
+    seen = held if isinstance(held, TrainingData) else held.runs
+    columns = dict(zip(seen.input_names, seen.X.T, strict=True)) | dict(
+        zip(seen.output_names, seen.Y.T, strict=True)
     )
-    predicted = surrogate.predict(held.X)
-    std = surrogate.predict(held.X, return_std=True)[1] if surrogate.has_std else None
-    for k, output in enumerate(held.output_names):
+    predicted = surrogate.predict(seen.X)
+    std = surrogate.predict(seen.X, return_std=True)[1] if surrogate.has_std else None
+    for k, output in enumerate(seen.output_names):
         columns[f"{output}_predicted"] = predicted[:, k]
         if std is not None:
             columns[f"{output}_std"] = std[:, k]

@@ -199,13 +199,19 @@ def validation_table(results: "Results") -> Table:
     )
     note = ""
     if rows:
-        held = {
-            stored.surrogate.validation.method
-            for stored in results.surrogates.values()
+        measured = {
+            name: stored.surrogate.validation
+            for name, stored in results.surrogates.items()
             if stored.surrogate.validation
         }
+        held = {validation.method for validation in measured.values()}
         note = f"Measured on runs that the surrogates have not seen ({', '.join(sorted(held))}); "
         note += "Eq. 7 is the mean relative error, Eq. 8 the paper's R²"
+        note += "".join(
+            f"; {name} predicts the outcome of {100 * validation.outcome_right:.2f} % of the runs right"
+            for name, validation in measured.items()
+            if validation.outcome_right is not None
+        )
     return Table.of("Errors of the surrogates", (*header, "Runs", "Time\n[s]"), rows, "ssrrrrrrr", note)
 
 

@@ -27,7 +27,7 @@ class SurrogateEntry(Entry):
 
     model_config = ConfigDict(extra="allow")
 
-    kind: Literal["gpr", "nn", "pce"]
+    kind: Literal["gpr", "nn", "pce", "field", "piecewise", "auto"]
     outputs: Names | None = None
     training_size: Count | None = None
     validation_size: Count | None = None

@@ -7,7 +7,7 @@ without a second fit.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self, TypeAlias
 
 import numpy as np
@@ -22,8 +22,10 @@ from tensegra.surrogate.basis import (
     total_degree,
     uniform_quadrature,
 )
+from tensegra.surrogate.design import fresh_points, fresh_to_left_out
 from tensegra.surrogate.leastsquares import LeastSquares, Rows, blocks, independent, leverages
-from tensegra.surrogate.surrogate import Problem, Surrogate
+from tensegra.surrogate.problem import Problem
+from tensegra.surrogate.surrogate import Surrogate
 from tensegra.surrogate.validation import HALF_WIDTH_90
 
 __all__ = ["Chaos", "moments", "sobol_indices", "train"]
@@ -39,7 +41,7 @@ PATIENCE = 3  # rounds of growth without a better leave-one-out error before it 
 
 @dataclass(frozen=True, eq=False)
 class Chaos:
-    """An expansion in orthonormal polynomials (`tensegra.surrogate.surrogate.Model`).
+    """An expansion in orthonormal polynomials (`tensegra.surrogate.problem.Model`).
 
     Parameters
     ----------
@@ -147,7 +149,7 @@ def train(
     highest = max_degree if degree is None else degree
     if highest < 0:
         raise StudyError.at("pce: degree", highest, "0 or more")
-    recurrences = _recurrences(problem, highest)
+    recurrences = _recurrences(problem, highest + 1)  # one more, to judge the design by
     rows = Rows(problem.Z, problem.T, problem.dT if derivatives else None)
     if degree is not None:
         indices = total_degree(problem.Z.shape[1], degree)
@@ -155,7 +157,7 @@ def train(
             raise StudyError.at(
                 "pce: degree", degree, f"a degree with at most {rows.n_rows} terms (this has {len(indices)})"
             )
-        return _solve(rows, recurrences, indices)
+        return _corrected(_solve(rows, recurrences, indices), rows, problem, rng)
     some = rows.sample(SELECTION_ROWS, rng)
     limit = max(1, min(max_terms, int(SHARE_OF_ROWS * some.n_rows)))
     best = _best_total_degree(some, recurrences, highest, limit)
@@ -163,7 +165,8 @@ def train(
         grown = _grow(some, recurrences, highest, limit)
         if _score(grown.loo_error) < _score(best.loo_error):
             best = grown
-    return best if some is rows else _solve(rows, recurrences, best.indices)
+    best = best if some is rows else _solve(rows, recurrences, best.indices)
+    return _corrected(best, rows, problem, rng)
 
 
 def moments(surrogate: Surrogate) -> tuple[Array, Array]:
@@ -248,6 +251,16 @@ def _finish(system: LeastSquares, size: int | None = None) -> Chaos:
         deviation=np.quantile(spread, 0.9, axis=0) / HALF_WIDTH_90,
         loo_error=np.sqrt(np.mean(residual**2, axis=0)),
     )
+
+
+def _corrected(chaos: Chaos, rows: Rows, problem: Problem, rng: np.random.Generator) -> Chaos:
+    """Return the expansion, its standard deviation true at fresh points, not just at runs left out."""
+    if rows.dT is not None:  # derivatives fill the gaps between the runs
+        return chaos
+    # A stream of its own: a random design from the same seed would be drawn once more.
+    rng = rng.spawn(1)[0]
+    ratio = fresh_to_left_out(chaos.basis, chaos.factor, rows.Z, fresh_points(problem, rng), rng)
+    return replace(chaos, deviation=ratio * chaos.deviation)
 
 
 def _best_total_degree(rows: Rows, recurrences: Array, highest: int, limit: int) -> Chaos:

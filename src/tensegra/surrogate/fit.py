@@ -4,25 +4,34 @@ import inspect
 import re
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any, Protocol, TypeAlias
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegra.errors import StudyError
 from tensegra.study.data import TrainingData
+from tensegra.surrogate.batches import field_runs
 from tensegra.surrogate.kinds import kind_of
-from tensegra.surrogate.surrogate import Problem, Surrogate
+from tensegra.surrogate.problem import OutcomeModel, Problem
+from tensegra.surrogate.regimes import RegimeData, campaign_runs
+from tensegra.surrogate.surrogate import Surrogate
+from tensegra.surrogate.threads import one_thread
 from tensegra.surrogate.validation import Validation, fold_indices, measure
 
-__all__ = ["check_options", "fit"]
+if TYPE_CHECKING:
+    from tensegra.mechanics import Batch
+
+__all__ = ["check_options", "cross_validation", "data_of", "fit", "split"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 # Below, the matrices are so small that the threads of the linear algebra wait for each other longer than they
 # work: ten times longer on a machine that others use too.
 MANY_RUNS = 4_000
+
+OPTIONS_OF_AUTO = ("time_budget",)
 
 
 class HasTrainingData(Protocol):
@@ -33,13 +42,10 @@ class HasTrainingData(Protocol):
         ...
 
 
-Runs: TypeAlias = (
-    TrainingData
-    | HasTrainingData
-    | tuple[ArrayLike, ArrayLike]
-    | tuple[ArrayLike, ArrayLike, ArrayLike | None]
-)
-HeldOut: TypeAlias = TrainingData | HasTrainingData | tuple[ArrayLike, ArrayLike]
+Data: TypeAlias = TrainingData | RegimeData
+Arrays: TypeAlias = tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, ArrayLike | None]
+Runs: TypeAlias = "Data | Batch | HasTrainingData | Arrays"
+HeldOut: TypeAlias = "Data | Batch | HasTrainingData | tuple[ArrayLike, ArrayLike]"
 
 
 def fit(
@@ -48,8 +54,9 @@ def fit(
     *,
     outputs: Sequence[str] | None = None,
     training_size: int | None = None,
-    validation: float | str | HeldOut | None = 0.2,
+    validation: "float | str | HeldOut | None" = 0.2,
     seed: int = 0,
+    time_budget: float | None = None,
     **options: Any,  # noqa: ANN401 - of the kind, whose `train` types them
 ) -> Surrogate:
     """Train a surrogate on runs, and measure it on runs that it has not seen.
@@ -57,11 +64,15 @@ def fit(
     Parameters
     ----------
     data
-        A campaign, `TrainingData`, or arrays ``(X, Y)`` or ``(X, Y, dY)``.
+        A campaign, `TrainingData`, or arrays ``(X, Y)`` or ``(X, Y, dY)``; `RegimeData` where it is known
+        what became of the runs that do not stand; or a `Batch`, whose outputs are all coordinates and
+        tensions.
     kind
         ``"gpr"`` (Gaussian process: the most accurate up to some thousand runs, and it knows its own error),
-        ``"nn"`` (neural network: fast to evaluate, takes any number of runs) or ``"pce"`` (polynomial chaos:
-        trained in a moment, with moments and Sobol indices in closed form).
+        ``"nn"`` (neural network: fast to evaluate, takes any number of runs), ``"pce"`` (polynomial chaos:
+        trained in a moment, with moments and Sobol indices in closed form), ``"field"`` (hundreds of outputs
+        that depend on each other), ``"piecewise"`` (a piece for each regime, and the probability of each), or
+        ``"auto"``: the first three are tried (`tensegra.surrogate.auto.choose`).
     outputs
         The outputs to learn, by name; all where left out.
     training_size
@@ -72,9 +83,12 @@ def fit(
         `TrainingData`, a campaign or ``(X, Y)``), or None.
     seed
         Seed of all that is random.
+    time_budget
+        For ``"auto"``: seconds that the trials may take, a minute where left out.
     **options
-        Options of the kind: see `tensegra.surrogate.gpr.train`, `tensegra.surrogate.network.train` and
-        `tensegra.surrogate.chaos.train`.
+        Options of the kind: see `tensegra.surrogate.gpr.train`, `tensegra.surrogate.network.train`,
+        `tensegra.surrogate.chaos.train`, `tensegra.surrogate.field.train` and
+        `tensegra.surrogate.piecewise.train`.
 
     Returns
     -------
@@ -97,39 +111,61 @@ def fit(
     >>> surrogate.predict([[0.5, 0.5]]).round(4)
     array([[1.6987]])
     """
+    if kind == "auto" or time_budget is not None:
+        return _choose(data, kind, outputs, training_size, validation, seed, time_budget, options)
     check_options(kind, options)
-    runs = _runs(data)
+    runs = data_of(data, kind)
     if outputs is not None:
         runs = runs.select_outputs(outputs)
     rng = np.random.default_rng(seed)
-    training, held_out, n_folds = _split(runs, training_size, validation, rng)
+    training, held_out, n_folds = split(runs, kind, training_size, validation, rng)
     folds = fold_indices(training.n_points, n_folds, rng) if n_folds else []
 
     surrogate = _train(training, kind, seed, options)
     if folds:
-        return replace(surrogate, validation=_cross_validation(training, folds, kind, seed, options))
+        measured, _ = cross_validation(training, folds, kind, seed, options)
+        return replace(surrogate, validation=measured)
     if held_out is None:
         return surrogate
-    prediction, std = _answers(surrogate, held_out.X)
-    measured = measure(
-        held_out.Y,
-        prediction,
-        std,
-        method=f"held out {held_out.n_points}",
-        n_train=training.n_points,
-        output_names=runs.output_names,
+    answers = [Answers.of(surrogate, held_out)]
+    return replace(
+        surrogate, validation=_measured(answers, f"held out {held_out.n_points}", training.n_points)
     )
-    return replace(surrogate, validation=measured)
 
 
-def _train(runs: TrainingData, kind: str, seed: int, options: Mapping[str, Any]) -> Surrogate:
+def _choose(
+    data: Runs,
+    kind: str,
+    outputs: Sequence[str] | None,
+    training_size: int | None,
+    validation: "float | str | HeldOut | None",
+    seed: int,
+    time_budget: float | None,
+    options: Mapping[str, Any],
+) -> Surrogate:
+    """Let trials choose the kind."""
+    from tensegra.surrogate.auto import TIME_BUDGET, choose
+
+    if kind != "auto":
+        raise StudyError.at("time_budget", time_budget, "none, unless the kind is 'auto'")
+    check_options(kind, options)
+    budget = TIME_BUDGET if time_budget is None else time_budget
+    return choose(
+        data,
+        time_budget=budget,
+        outputs=outputs,
+        validation=validation,
+        training_size=training_size,
+        seed=seed,
+    ).surrogate
+
+
+def _train(data: Data, kind: str, seed: int, options: Mapping[str, Any]) -> Surrogate:
     """Train on all of the runs."""
-    import scipy.linalg  # noqa: F401 - its library has to be there for its threads to be limited
-    from threadpoolctl import threadpool_limits
-
     start = time.perf_counter()
-    problem = Problem.of(runs)
-    with threadpool_limits(1 if runs.n_points < MANY_RUNS else None, user_api="blas"):
+    runs = data.runs if isinstance(data, RegimeData) else data
+    problem = Problem.of(data)
+    with one_thread(wanted=runs.n_points < MANY_RUNS):
         model = kind_of(kind).train(problem, np.random.default_rng(seed), **options)
     return Surrogate(
         kind=kind,
@@ -140,7 +176,7 @@ def _train(runs: TrainingData, kind: str, seed: int, options: Mapping[str, Any])
         bounds=runs.box,
         scaling=problem.scaling,
         model=model,
-        n_train=runs.n_points,
+        n_train=data.n_points,
         seconds=time.perf_counter() - start,
         seed=seed,
         options=dict(options),
@@ -148,38 +184,73 @@ def _train(runs: TrainingData, kind: str, seed: int, options: Mapping[str, Any])
     )
 
 
-def _answers(surrogate: Surrogate, X: Array) -> tuple[Array, Array | None]:
-    """Return the predictions and, where the surrogate has them, their standard deviations."""
-    if surrogate.has_std:
-        return surrogate.predict(X, return_std=True)
-    return surrogate.predict(X), None
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """What a surrogate says of runs that it has not seen: arrays of those that stand, and of all regimes."""
 
+    output_names: tuple[str, ...]
+    Y: Array
+    prediction: Array
+    std: Array | None
+    right: NDArray[np.bool_] | None
 
-def _cross_validation(
-    runs: TrainingData, folds: Sequence[NDArray[np.intp]], kind: str, seed: int, options: Mapping[str, Any]
-) -> Validation:
-    """Measure the error of each fold's runs by a surrogate that was trained on the other folds."""
-    prediction = np.empty_like(runs.Y)
-    std: Array | None = np.empty_like(runs.Y)
-    for fold in folds:
-        others = np.setdiff1d(np.arange(runs.n_points), fold)
-        prediction[fold], fold_std = _answers(_train(runs.rows(others), kind, seed, options), runs.X[fold])
-        if std is not None and fold_std is not None:
-            std[fold] = fold_std
+    @classmethod
+    def of(cls, surrogate: Surrogate, data: Data) -> "Answers":
+        """Ask a surrogate; one that knows of regimes on the condition that the runs stand, as they do."""
+        runs = data.runs if isinstance(data, RegimeData) else data
+        model, right, std = surrogate.model, None, None
+        if isinstance(model, OutcomeModel):
+            Z, scaling = surrogate.scaling.inputs(runs.X), surrogate.scaling
+            prediction = scaling.output_shift + scaling.output_scale * model.predict_standing(Z)
+            if surrogate.has_std:
+                std = scaling.output_scale * model.std_standing(Z)
+            if isinstance(data, RegimeData):
+                names = np.array(model.regime_names)
+                right = names[model.chosen(scaling.inputs(data.X))] == data.labels
+        elif surrogate.has_std:
+            prediction, std = surrogate.predict(runs.X, return_std=True)
         else:
-            std = None
-    return measure(
-        runs.Y,
-        prediction,
-        std,
-        method=f"{len(folds)}-fold",
-        n_train=runs.n_points - max(map(len, folds)),
-        output_names=runs.output_names,
+            prediction = surrogate.predict(runs.X)
+        return cls(runs.output_names, runs.Y, prediction, std, right)
+
+
+def cross_validation(
+    runs: Data, folds: Sequence[NDArray[np.intp]], kind: str, seed: int, options: Mapping[str, Any]
+) -> tuple[Validation, list[Answers]]:
+    """Measure the error of each fold's runs by a surrogate that was trained on the other folds.
+
+    Returns
+    -------
+    tuple
+        The measures, and what each fold was told.
+    """
+    every = np.arange(runs.n_points)
+    answers = [
+        Answers.of(_train(runs.rows(np.setdiff1d(every, fold)), kind, seed, options), runs.rows(fold))
+        for fold in folds
+    ]
+    return _measured(answers, f"{len(folds)}-fold", runs.n_points - max(map(len, folds))), answers
+
+
+def _measured(answers: Sequence[Answers], method: str, n_train: int) -> Validation:
+    """Measure what surrogates said, all their answers together."""
+    stds = [each.std for each in answers if each.std is not None]
+    measured = measure(
+        np.concatenate([each.Y for each in answers]),
+        np.concatenate([each.prediction for each in answers]),
+        np.concatenate(stds) if len(stds) == len(answers) else None,
+        method=method,
+        n_train=n_train,
+        output_names=answers[0].output_names,
     )
+    right = [each.right for each in answers if each.right is not None]
+    return replace(measured, outcome_right=float(np.mean(np.concatenate(right)))) if right else measured
 
 
-def _runs(data: Runs | HeldOut) -> TrainingData:
-    """Return the training data of whatever the user brought."""
+def data_of(data: "Runs | HeldOut", kind: str) -> Data:
+    """Return the training data of what the user brought, the regimes only for a kind that asks for them."""
+    if isinstance(data, RegimeData):
+        return data if kind == "piecewise" else data.runs
     if isinstance(data, TrainingData):
         return data
     if isinstance(data, tuple):
@@ -187,6 +258,13 @@ def _runs(data: Runs | HeldOut) -> TrainingData:
             raise StudyError.at("runs", f"{len(data)} arrays", "(X, Y) or (X, Y, dY)")
         X, Y, dY = (*data, None)[:3]
         return TrainingData(X=X, Y=Y, dY=dY)
+    from tensegra.mechanics import Batch
+    from tensegra.study import Campaign
+
+    if isinstance(data, Batch):
+        return data_of(field_runs(data), kind)
+    if isinstance(data, Campaign) and kind == "piecewise":
+        return campaign_runs(data)
     if hasattr(data, "training_data"):
         return data.training_data()
     raise StudyError.at("runs", type(data).__name__, "a campaign, TrainingData, (X, Y) or (X, Y, dY)")
@@ -202,10 +280,11 @@ def check_options(kind: str, options: Mapping[str, Any]) -> None:
     """
     from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+    asked = fit if kind == "auto" else kind_of(kind).train
     known = {
         name: parameter.annotation
-        for name, parameter in inspect.signature(kind_of(kind).train).parameters.items()
-        if parameter.kind is inspect.Parameter.KEYWORD_ONLY
+        for name, parameter in inspect.signature(asked).parameters.items()
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY and (kind != "auto" or name in OPTIONS_OF_AUTO)
     }
     for name, value in options.items():
         if name not in known:
@@ -218,12 +297,13 @@ def check_options(kind: str, options: Mapping[str, Any]) -> None:
             raise StudyError.at(f"options of {kind}: {name}", value, expected) from None
 
 
-def _split(
-    runs: TrainingData,
+def split(
+    runs: Data,
+    kind: str,
     training_size: int | None,
-    validation: float | str | HeldOut | None,
+    validation: "float | str | HeldOut | None",
     rng: np.random.Generator,
-) -> tuple[TrainingData, TrainingData | None, int]:
+) -> tuple[Data, Data | None, int]:
     """Return the runs to train on, those held out (or None) and the number of folds (or 0)."""
     n_held, n_folds, held_out = 0, 0, None
     match validation:
@@ -243,7 +323,7 @@ def _split(
                     "validation", validation, f"a fraction, or fewer than {runs.n_points} runs"
                 )
         case _:
-            held_out = _like(_runs(validation), runs)
+            held_out = _like(data_of(validation, kind), runs)
     order = rng.permutation(runs.n_points)
     left = order[n_held:]
     size = len(left) if training_size is None else training_size
@@ -254,11 +334,13 @@ def _split(
     return runs.rows(np.sort(left[:size])), held_out, n_folds
 
 
-def _like(held_out: TrainingData, runs: TrainingData) -> TrainingData:
+def _like(held_out: Data, runs: Data) -> Data:
     """Return the held-out runs with the outputs of `runs`: by name where they have these, else by place."""
-    if set(runs.output_names) <= set(held_out.output_names):
-        held_out = held_out.select_outputs(runs.output_names)
-    found, expected = ((each.n_inputs, each.n_outputs) for each in (held_out, runs))
+    one, other = (each.runs if isinstance(each, RegimeData) else each for each in (held_out, runs))
+    if set(other.output_names) <= set(one.output_names):
+        held_out = held_out.select_outputs(other.output_names)
+        one = one.select_outputs(other.output_names)
+    found, expected = ((each.n_inputs, each.n_outputs) for each in (one, other))
     if found != expected:
         raise StudyError.at("validation: numbers of inputs and outputs", found, f"{expected}")
     return held_out

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from tensegra.errors import StudyError
-from tensegra.surrogate import chaos, gpr, network
-from tensegra.surrogate.surrogate import Model
+from tensegra.surrogate import chaos, field, gpr, network, piecewise
+from tensegra.surrogate.problem import Model
 
 __all__ = ["KINDS", "Kind", "kind_of"]
 
@@ -24,6 +24,8 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "gpr": Kind(gpr.train, gpr.GaussianProcess),
         "nn": Kind(network.train, network.Network),
         "pce": Kind(chaos.train, chaos.Chaos),
+        "field": Kind(field.train, field.Field),
+        "piecewise": Kind(piecewise.train, piecewise.Piecewise),
     }
 )
 

@@ -1,4 +1,4 @@
-"""Neural networks: tanh layers, evaluated and differentiated with NumPy alone.
+"""Neural networks: tanh layers, evaluated and differentiated with NumPy alone, in double or single precision.
 
 `tensegra.surrogate.training` finds the weights (with JAX); what is kept, saved and evaluated is here.
 """
@@ -12,17 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.errors import StudyError
-from tensegra.surrogate.surrogate import Problem
+from tensegra.surrogate.problem import Problem, Scaling
+from tensegra.surrogate.threads import one_thread
 from tensegra.surrogate.validation import HALF_WIDTH_90
 
 __all__ = ["Layers", "Network", "train"]
 
 Array: TypeAlias = NDArray[np.float64]
+Floats: TypeAlias = NDArray[np.floating[Any]]
 Layers: TypeAlias = tuple[tuple[Array, Array], ...]  # weights (n_in, n_out) and offsets (n_out,) per layer
 
 BLOCK = 1024  # points at once: a block of a 50-wide layer stays in the level-2 cache
 
-CALIBRATION_SHARE, CALIBRATION_POINTS = 0.15, 500  # of the runs: the interval's 90 % is then 90 ± 2 or 3
+# Of the runs; fewer, and chance moves the interval's 90 % by more than ±2 (one sigma, with 1,000 runs).
+CALIBRATION_SHARE, CALIBRATION_POINTS = 0.25, 1_000
+FEWEST_RUNS = 10
 
 # `two_stage` is the source paper's recipe: 2 × 50 neurons, Adam for 5,000 iterations, then L-BFGS.
 TRAININGS = ("levenberg_marquardt", "two_stage")
@@ -31,7 +35,7 @@ HIDDEN = {"levenberg_marquardt": (30, 30), "two_stage": (50, 50)}
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """The mean of one or several networks (`tensegra.surrogate.surrogate.Model`).
+    """The mean of one or several networks (`tensegra.surrogate.problem.Model`).
 
     Parameters
     ----------
@@ -55,6 +59,19 @@ class Network:
     def predict(self, Z: Array) -> Array:
         """Return the mean of the members' outputs."""
         return self.each(Z).mean(axis=0) if self.has_std else evaluate(self.members[0], Z)
+
+    def predict_fast(self, X: Array, scaling: Scaling) -> Array:
+        """Return the outputs in their own units, computed in single precision."""
+        single = [_single(layers, scaling, len(self.members)) for layers in self.members]
+        states = [_states(layers) for layers in single]
+        Y = np.empty((len(X), scaling.output_shift.size))
+        with one_thread():
+            for start in range(0, len(X), BLOCK):
+                # Shifted in double precision, which inputs far from zero would lose digits without.
+                A = (X[start : start + BLOCK] - scaling.input_shift).astype(np.float32)
+                answers = [_forward(layers, A, state) for layers, state in zip(single, states, strict=True)]
+                np.add(sum(answers[1:], answers[0]), scaling.output_shift, out=Y[start : start + BLOCK])
+        return Y
 
     def std(self, Z: Array) -> Array:
         """Return calibrated standard deviations from the members' disagreement."""
@@ -120,7 +137,7 @@ def train(
         Use the runs' derivatives if they have any.
     ensemble
         Number of networks, from different first weights. Two or more know a standard deviation, calibrated on
-        15 % of the runs (500 at most) that none of them is trained on.
+        a quarter of the runs (1,000 at most) that none of them is trained on.
 
     Returns
     -------
@@ -142,9 +159,8 @@ def train(
 
     from tensegra.surrogate.training import levenberg_marquardt, two_stage
 
-    def one(rows: NDArray[np.intp] | slice, rng: np.random.Generator) -> Layers:
-        Z, T = problem.Z[rows], problem.T[rows]
-        dT = problem.dT[rows] if problem.dT is not None and derivatives else None
+    def one(problem: Problem, rng: np.random.Generator) -> Layers:
+        Z, T, dT = problem.Z, problem.T, problem.dT if derivatives else None
         first = initial_layers((Z.shape[1], *widths, T.shape[1]), rng)
         if training == "two_stage":
             return two_stage(
@@ -153,16 +169,15 @@ def train(
         return levenberg_marquardt(first, Z, T, dT, 80 if iterations is None else iterations)
 
     if ensemble == 1:
-        return Network((one(slice(None), rng),), np.zeros(0), np.zeros(0))
+        return Network((one(problem, rng),), np.zeros(0), np.zeros(0))
     order = rng.permutation(len(problem.Z))
     n_kept = min(CALIBRATION_POINTS, round(CALIBRATION_SHARE * len(order)))
-    if n_kept < 2:
-        raise StudyError.at(
-            "nn: ensemble", f"{len(order)} runs", "10 runs or more, to calibrate its interval on"
-        )
-    kept, used = np.sort(order[:n_kept]), np.sort(order[n_kept:])
+    if len(order) < FEWEST_RUNS:
+        expected = f"{FEWEST_RUNS} runs or more, to calibrate its interval on"
+        raise StudyError.at("nn: ensemble", f"{len(order)} runs", expected)
+    kept, used = problem.rows(np.sort(order[:n_kept])), problem.rows(np.sort(order[n_kept:]))
     members = tuple(one(used, stream) for stream in rng.spawn(ensemble))
-    return calibrated(members, problem.Z[kept], problem.T[kept])
+    return calibrated(members, kept.Z, kept.T)
 
 
 def initial_layers(sizes: Sequence[int], rng: np.random.Generator) -> Layers:
@@ -175,17 +190,39 @@ def initial_layers(sizes: Sequence[int], rng: np.random.Generator) -> Layers:
 
 
 def evaluate(layers: Layers, Z: Array) -> Array:
-    """Return the outputs of one network, shape (n_points, n_outputs)."""
-    Y = np.empty((len(Z), layers[-1][1].size))
-    for start in range(0, len(Z), BLOCK):
-        A = Z[start : start + BLOCK]
-        for W, b in layers[:-1]:
-            A = A @ W
-            A += b
-            np.tanh(A, out=A)
-        W, b = layers[-1]
-        np.add(A @ W, b, out=Y[start : start + BLOCK])
+    """Return the outputs of one network, shape (n_points, n_outputs).
+
+    The blocks are so small that threads of the linear algebra would wait for each other.
+    """
+    Y, states = np.empty((len(Z), layers[-1][1].size)), _states(layers)
+    with one_thread():
+        for start in range(0, len(Z), BLOCK):
+            Y[start : start + BLOCK] = _forward(layers, Z[start : start + BLOCK], states)
     return Y
+
+
+def _states(layers: Layers) -> list[Array]:
+    """Return room for the states of a block of points in the hidden layers."""
+    return [np.empty((BLOCK, b.size), dtype=b.dtype) for _, b in layers[:-1]]
+
+
+def _forward(layers: Layers, A: Floats, states: Sequence[Floats]) -> Array:
+    """Return the outputs at a block of points, in the precision of the layers."""
+    for (W, b), state in zip(layers[:-1], states, strict=True):
+        A = np.matmul(A, W, out=state[: len(A)])
+        A += b
+        np.tanh(A, out=A)
+    W, b = layers[-1]
+    return np.asarray(A @ W + b)
+
+
+def _single(layers: Layers, scaling: Scaling, n_members: int) -> Layers:
+    """Return a network in single precision: from shifted inputs to its share of the outputs without shift."""
+    weights, offsets = [W for W, _ in layers], [b for _, b in layers]
+    weights[0] = weights[0] / scaling.input_scale[:, None]
+    share = scaling.output_scale / n_members
+    weights[-1], offsets[-1] = weights[-1] * share, offsets[-1] * share
+    return tuple((W.astype(np.float32), b.astype(np.float32)) for W, b in zip(weights, offsets, strict=True))
 
 
 def slope(layers: Layers, Z: Array) -> Array:
@@ -207,11 +244,11 @@ def disagreement(outputs: Array, floor: Array) -> Array:
 def calibrated(members: tuple[Layers, ...], Z: Array, T: Array) -> Network:
     """Return the ensemble whose 90 % intervals hold at 90 % of points that no member was trained on.
 
-    The floor is a tenth of the median disagreement, so that members that happen to agree at a point do not
-    promise to be exact there.
+    The floor is half the median disagreement: that of a few members scatters, and where they happen to agree
+    they must not promise to be exact.
     """
     outputs = np.stack([evaluate(layers, Z) for layers in members])
-    floor = np.maximum(0.1 * np.median(outputs.std(axis=0, ddof=1), axis=0), np.finfo(float).tiny)
+    floor = np.maximum(0.5 * np.median(outputs.std(axis=0, ddof=1), axis=0), np.finfo(float).tiny)
     residual = np.abs(outputs.mean(axis=0) - T)
     factor = np.quantile(residual / disagreement(outputs, floor), 0.9, axis=0) / HALF_WIDTH_90
     return Network(members, np.asarray(factor), floor)

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from tensegra.errors import StudyError
 from tensegra.surrogate.kinds import kind_of
-from tensegra.surrogate.surrogate import Scaling, Surrogate
+from tensegra.surrogate.problem import Scaling
+from tensegra.surrogate.surrogate import Surrogate
 from tensegra.surrogate.validation import Validation
 
 __all__ = ["FORMAT", "load", "save"]

@@ -60,11 +60,11 @@ def two_stage(
     import jax
     from scipy.optimize import minimize
 
-    sizes = _sizes(first)
+    sizes = sizes_of(first)
     with jax.enable_x64(True):  # noqa: FBT003 - positional-only in JAX
         adam, loss = _two_stage_functions(sizes, dT is not None)
         data = jax.device_put((Z, T, dT if dT is not None else np.zeros(0)))
-        theta = np.asarray(adam(_flat(first), *data, adam_iterations, learning_rate))
+        theta = np.asarray(adam(flat(first), *data, adam_iterations, learning_rate))
         # SciPy stops at a decrease that is small beside max(1, loss); the losses here end at 1e-9 or less,
         # so the loss is made relative to its value now, and that test is switched off.
         scale = 1.0 / max(float(loss(theta, *data)[0]), np.finfo(float).tiny)
@@ -86,7 +86,7 @@ def two_stage(
                 "gtol": 0.0,
             },
         )
-    trained: Layers = _layers(found.x, sizes)
+    trained: Layers = layers_of(found.x, sizes)
     return trained
 
 
@@ -111,7 +111,7 @@ def levenberg_marquardt(first: Layers, Z: Array, T: Array, dT: Array | None, ite
     """
     import jax
 
-    sizes = _sizes(first)
+    sizes = sizes_of(first)
     with jax.enable_x64(True):  # noqa: FBT003 - positional-only in JAX
         residual, jacobian = _residual_functions(sizes, dT is not None)
         n_rows = T.shape[1] * (1 if dT is None else 1 + Z.shape[1])
@@ -134,8 +134,8 @@ def levenberg_marquardt(first: Layers, Z: Array, T: Array, dT: Array | None, ite
                 g += np.asarray(residual(theta, *block)).ravel() @ J
             return A, g
 
-        theta = _damped_steps(_flat(first), error, normal_equations, iterations)
-    trained: Layers = _layers(theta, sizes)
+        theta = _damped_steps(flat(first), error, normal_equations, iterations)
+    trained: Layers = layers_of(theta, sizes)
     return trained
 
 
@@ -228,7 +228,7 @@ def _residual(
     import jax.numpy as jnp
 
     def outputs(z: "JaxArray") -> Any:  # noqa: ANN401
-        layers = _layers(theta, sizes)
+        layers = layers_of(theta, sizes)
         for W, b in layers[:-1]:
             z = jnp.tanh(z @ W + b)
         return z @ layers[-1][0] + layers[-1][1]
@@ -238,18 +238,18 @@ def _residual(
     return jnp.concatenate([outputs(z) - t, (jax.jacfwd(outputs)(z) - dt).ravel()])
 
 
-def _sizes(layers: Layers) -> Sizes:
+def sizes_of(layers: Layers) -> Sizes:
     """Return the widths of all layers, from the inputs to the outputs."""
     return (layers[0][0].shape[0], *(b.size for _, b in layers))
 
 
-def _flat(layers: Layers) -> Array:
+def flat(layers: Layers) -> Array:
     """Return all weights and offsets in one vector."""
     return np.concatenate([part.ravel() for layer in layers for part in layer])
 
 
-def _layers(theta: Any, sizes: Sizes) -> Any:  # noqa: ANN401 - NumPy or JAX arrays alike
-    """Return the layers that `_flat` made the vector of."""
+def layers_of(theta: Any, sizes: Sizes) -> Any:  # noqa: ANN401 - NumPy or JAX arrays alike
+    """Return the layers that `flat` made the vector of."""
     layers, start = [], 0
     for n_in, n_out in pairwise(sizes):
         middle, end = start + n_in * n_out, start + (n_in + 1) * n_out

@@ -45,6 +45,9 @@ class Validation:
         Largest \|q̂ − q\|, in the output's unit.
     coverage_90
         Share of runs inside the surrogate's 90 % interval, or None without standard deviations.
+    outcome_right
+        Share of design points, standing or not, whose regime was predicted right; None where the surrogate
+        or the runs know of none. The errors above are then those of the runs that stand.
     """
 
     method: str
@@ -57,6 +60,12 @@ class Validation:
     r2: tuple[float, ...]
     max_abs_error: tuple[float, ...]
     coverage_90: tuple[float, ...] | None = None
+    outcome_right: float | None = None
+
+    @property
+    def error(self) -> float:
+        """The largest `normalised_error` of any output: one number to compare surrogates by."""
+        return max(self.normalised_error)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the numbers as plain JSON values; a number that is not finite becomes a string."""
@@ -91,7 +100,10 @@ class Validation:
 
     def summary(self) -> str:
         """Return the largest error of any output in a few words."""
-        return f"error {max(self.relative_error):.1e} relative (Eq. 7, {self.method})"
+        text = f"error {max(self.relative_error):.1e} relative (Eq. 7, {self.method})"
+        if self.outcome_right is not None:
+            text += f", outcome right for {self.outcome_right:.2%}"
+        return text
 
     def lines(self, units: Sequence[str]) -> list[str]:
         """Return a line of text per output."""
@@ -146,20 +158,25 @@ def measure(
     # Zeros among the true values, or a constant output, make a measure infinite or undefined, not an error.
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.where(error == 0, 0.0, error / size).mean(axis=0)
-        measures = {
+        found = {
             "relative_error": relative,
-            "normalised_error": error.mean(axis=0) / size.mean(axis=0),
+            "normalised_error": np.where(error.any(axis=0), error.mean(axis=0) / size.mean(axis=0), 0.0),
             "r2_paper": np.sum((prediction - mean) ** 2, axis=0) / total,
             "r2": 1 - np.sum(error**2, axis=0) / total,
             "max_abs_error": error.max(axis=0),
         }
     covered = None if std is None else np.mean(error <= HALF_WIDTH_90 * std, axis=0)
+    measures = {name: tuple(map(float, value)) for name, value in found.items()}
     return Validation(
         method=method,
         n_train=n_train,
         n_validation=len(Y),
         output_names=tuple(output_names),
-        **{name: tuple(map(float, value)) for name, value in measures.items()},
+        relative_error=measures["relative_error"],
+        normalised_error=measures["normalised_error"],
+        r2_paper=measures["r2_paper"],
+        r2=measures["r2"],
+        max_abs_error=measures["max_abs_error"],
         coverage_90=None if covered is None else tuple(map(float, covered)),
     )
 

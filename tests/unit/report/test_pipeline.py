@@ -5,6 +5,7 @@ import pytest
 from tensegra.errors import StudyError
 from tensegra.report.pipeline import carry_out
 from tensegra.report.results import Index, open_results
+from tensegra.report.study_tables import validation_table
 
 
 def strict(text):
@@ -135,3 +136,30 @@ def test_progress_is_told(small_study, tmp_path):
     carry_out(small_study(analyses=[]), tmp_path, workers=1, listener=lambda *told: heard.append(told))
     assert ("runs", 32, 32, "") in heard
     assert heard[-1][:3] == ("surrogates", 2, 2)
+
+
+def test_a_study_can_ask_for_every_kind_of_surrogate(small_study, tmp_path):
+    study = small_study(
+        changes={"gravity": [0, 0, 0]},
+        variables={
+            name: {"actuator": name, "distribution": {"uniform": [0.0, 0.3]}} for name in ("A1", "A23", "A4")
+        },
+        outputs={"w": {"displacement": "z", "nodes": [18, 23]}, "slack": {"slack_cables": "all"}},
+        design={"sampler": "sobol", "sizes": 256},
+        surrogates={
+            "pieces": {"kind": "piecewise", "outputs": ["w"]},
+            "field": {"kind": "field", "outputs": ["w"]},
+            "best": {"kind": "auto", "outputs": ["w"], "time_budget": 0.01},
+        },
+        analyses=[{"propagation": {"model": "pieces", "outputs": ["w"], "samples": 200}}],
+    )
+    results = carry_out(study, tmp_path, workers=1)
+    assert not results.index.failures
+    pieces = results.surrogates["pieces"].surrogate
+    assert {"taut", "collapsed"} <= set(pieces.regime_names)
+    assert pieces.validation.outcome_right > 0.7
+    assert "% of the runs right" in validation_table(results).note
+    assert results.surrogates["best"].surrogate.kind in ("gpr", "nn", "pce")
+    content = results.analyses[0].content
+    assert 0 < content["n_failed"] < 100
+    assert content["statuses"]["collapsed"] == content["n_failed"]

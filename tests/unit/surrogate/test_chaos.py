@@ -8,7 +8,7 @@ from tensegra.surrogate import fit
 from tensegra.surrogate.basis import Basis, total_degree
 from tensegra.surrogate.chaos import moments, sobol_indices
 from tensegra.surrogate.leastsquares import LeastSquares, Rows
-from tensegra.surrogate.surrogate import Problem
+from tensegra.surrogate.problem import Problem
 
 
 def uniform(n, d, seed=0, lower=0.0, upper=1.0):

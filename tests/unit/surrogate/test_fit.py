@@ -89,7 +89,7 @@ def test_validation_runs_of_another_shape_are_refused():
 
 
 def test_unknown_kind_is_refused():
-    with pytest.raises(StudyError, match="one of gpr, nn, pce; did you mean 'gpr'"):
+    with pytest.raises(StudyError, match="one of gpr, nn, pce, field, piecewise; did you mean 'gpr'"):
         fit(data(), "gp")
 
 

@@ -5,7 +5,7 @@ import pytest
 from tensegra.errors import StudyError
 from tensegra.surrogate import fit
 from tensegra.surrogate.network import evaluate, initial_layers, slope
-from tensegra.surrogate.training import _damped_steps, _flat, _layers
+from tensegra.surrogate.training import _damped_steps, flat, layers_of
 
 
 def uniform(n, d=2, seed=0):
@@ -44,7 +44,7 @@ def test_slope_agrees_with_jax():
 
 def test_layers_survive_the_way_through_a_vector():
     layers = initial_layers((3, 4, 2), np.random.default_rng(2))
-    for (W, b), (V, c) in zip(layers, _layers(_flat(layers), (3, 4, 2)), strict=True):
+    for (W, b), (V, c) in zip(layers, layers_of(flat(layers), (3, 4, 2)), strict=True):
         assert np.array_equal(W, V)
         assert np.array_equal(b, c)
 
@@ -124,3 +124,22 @@ def test_wrong_options_are_refused(options, message):
     X = uniform(8)
     with pytest.raises(StudyError, match=message):
         fit((X, wave(X)), "nn", validation=None, **options)
+
+
+@pytest.mark.parametrize("ensemble", [1, 3])
+def test_single_precision_is_near_double_precision(ensemble):
+    box = np.array([[1e4, 1.1e4], [-1e-3, 1e-3]])
+    unit = 0.5 * (uniform(1300) + 1)
+    X = box[:, 0] + unit * (box[:, 1] - box[:, 0])
+    Y = 50 + wave(2 * unit - 1)
+    surrogate = fit((X, Y), "nn", hidden=(8, 8), iterations=20, ensemble=ensemble, validation=None)
+    fast, exact = surrogate.predict(X, fast=True), surrogate.predict(X)
+    assert fast.dtype == np.float64
+    np.testing.assert_allclose(fast, exact, atol=1e-5 * Y.std())
+    assert not np.array_equal(fast, exact)
+
+
+def test_fast_is_nothing_to_other_kinds():
+    X = uniform(60)
+    surrogate = fit((X, wave(X)), "pce", validation=None)
+    assert np.array_equal(surrogate.predict(X, fast=True), surrogate.predict(X))

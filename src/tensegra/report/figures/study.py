@@ -178,9 +178,10 @@ def parity_figure(surrogate: "Surrogate", held_out: "pd.DataFrame") -> "Figure":
     made = figure(4.4, min(WIDTH, 2.5 * n + 0.6))
     for k, (name, unit) in enumerate(zip(names, units, strict=True)):
         true = held_out[name].to_numpy()
+        # NaN where the surrogate takes the run for one that does not stand.
         predicted = held_out[f"{name}_predicted"].to_numpy()
         above, below = made.add_subplot(2, n, k + 1), made.add_subplot(2, n, n + k + 1)
-        ends = [min(true.min(), predicted.min()), max(true.max(), predicted.max())]
+        ends = [min(true.min(), np.nanmin(predicted)), max(true.max(), np.nanmax(predicted))]
         above.plot(ends, ends, color=GREY, linewidth=1.0)
         above.scatter(true, predicted, s=9, color=COLOURS[0], alpha=0.6, linewidths=0, rasterized=True)
         above.set_title(f"{name}")
