@@ -101,7 +101,8 @@ def show_results(results: "Results", *, as_json: bool = False) -> None:
     if as_json:
         _print_json(results.to_dict())
         return
-    from tensegra.report.study_tables import outcome_table, result_tables, validation_table
+    from tensegra.report.analysis_tables import result_tables
+    from tensegra.report.study_tables import outcome_table, validation_table
 
     _print_table(outcome_table(results.campaign.state()))
     _print_table(validation_table(results))

@@ -75,3 +75,49 @@ def test_a_shift_of_the_output_changes_nothing():
     one, two = (sobol_indices(m, samples=256).indices["y"] for m in (ISHIGAMI, shifted))
     assert_allclose(one.total, two.total, atol=1e-6)
     assert_allclose(one.first, two.first, atol=1e-6)
+
+
+def test_the_expansion_of_ishigami_has_its_indices():
+    from tensegra.analysis import chaos_indices
+    from tensegra.study import TrainingData
+    from tensegra.surrogate import fit
+
+    X = np.random.default_rng(0).uniform(-np.pi, np.pi, (500, 3))
+    data = TrainingData(X=X, Y=ISHIGAMI.evaluate(X).values, bounds=ISHIGAMI.bounds)
+    found = chaos_indices(fit(data, "pce", degree=10, validation=None)).indices["y1"]
+    assert_allclose(found.first, FIRST, atol=0.01)
+    assert_allclose(found.total, TOTAL, atol=0.01)
+    assert_allclose(found.second[PAIRS], SECOND, atol=0.01)
+    assert_allclose(found.variance, VARIANCE, rtol=0.02)
+
+
+def test_screening_of_morriss_own_example_finds_its_groups():
+    """Morris 1991, section 4: of twenty inputs ten matter, and of those seven by curvature or interaction."""
+    from tensegra.analysis import morris_screening
+
+    found = morris_screening(MORRIS, trajectories=30, seed=1).effects["y"]
+    strong = set(np.argsort(-found.mu_star)[:10].tolist())
+    assert strong == set(range(10))
+    assert found.mu_star[10:].max() < 0.5 * found.mu_star[:10].min()
+    straight = found.sigma[:10] < 0.1 * found.mu_star[:10].max()
+    assert set(np.flatnonzero(straight).tolist()) <= {7, 8, 9}
+
+
+def _morris(X):
+    w = 2.0 * (X - 0.5)
+    curved = [2, 4, 6]
+    w[:, curved] = 2.0 * (1.1 * X[:, curved] / (X[:, curved] + 0.1) - 0.5)
+    i = np.arange(20)
+    first = np.where(i < 10, 20.0, (-1.0) ** (i + 1))
+    y = w @ first
+    for a in range(20):
+        for b in range(a + 1, 20):
+            y = y + (-15.0 if b < 6 else (-1.0) ** (a + b + 2)) * w[:, a] * w[:, b]
+    for a in range(5):
+        for b in range(a + 1, 5):
+            for c in range(b + 1, 5):
+                y = y - 10.0 * w[:, a] * w[:, b] * w[:, c]
+    return y + 5.0 * w[:, 0] * w[:, 1] * w[:, 2] * w[:, 3]
+
+
+MORRIS = FunctionModel(_morris, tuple(f"x{i + 1}" for i in range(20)), ("y",), np.array([[0.0, 1.0]] * 20))

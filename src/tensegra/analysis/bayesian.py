@@ -19,8 +19,7 @@ greedy UCB (ξ = 0.01) from spending its evaluations on one local optimum.
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import repeat
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +27,9 @@ from numpy.typing import NDArray
 from tensegra.analysis.optimisation import Ends
 from tensegra.analysis.problem import FEASIBLE, Assessment, Problem, Recorder
 from tensegra.errors import StudyError
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 Array = NDArray[np.float64]
 
@@ -51,8 +53,9 @@ SAME_POINT = 1e-4
 class BayesianOptimiser:
     """Ask for a point, evaluate it, tell the outputs; repeat.
 
-    Everything it proposes follows from what it was told and its seed, so a search is resumed by telling it
-    the old points again.
+    Everything it proposes follows from what it was told, its seed and the hyperparameters of its last fit,
+    `thetas`; `tensegra.analysis.searchfile` keeps them, and a search that is resumed goes on as if it had
+    never stopped.
 
     Parameters
     ----------
@@ -111,7 +114,12 @@ class BayesianOptimiser:
         self._initial = initial[:n_initial]
         self.X = np.zeros((0, problem.n_inputs))
         self.outputs = np.zeros((0, len(problem.model.output_names)))
-        self._processes: list[_Process] = []
+        self.thetas: list[Array | None] = [None] * len(self._columns)
+
+    @property
+    def n_initial(self) -> int:
+        """Number of space-filling points at the beginning."""
+        return len(self._initial)
 
     @property
     def n_told(self) -> int:
@@ -128,9 +136,10 @@ class BayesianOptimiser:
             return self.problem.from_unit(rng.random(self.problem.n_inputs))
         Z = self._to_unit(self.X)
         self._processes = [
-            _fit(Z[valid], self.outputs[valid, column], rng, before)
-            for column, before in zip(self._columns, self._processes or repeat(None), strict=False)
+            _fit(Z[valid], self.outputs[valid, column], rng, theta)
+            for column, theta in zip(self._columns, self.thetas, strict=True)
         ]
+        self.thetas = [process.regressor.kernel_.theta for process in self._processes]
         return self.problem.from_unit(self._propose(Z, valid, rng))
 
     def tell(self, x: Array, outputs: Array) -> None:
@@ -237,18 +246,41 @@ class BayesianOptimiser:
 
 
 def search(
-    problem: Problem, recorder: Recorder, *, evaluations: int, acquisition: str, xi: float | None, seed: int
+    problem: Problem,
+    recorder: Recorder,
+    *,
+    evaluations: int,
+    acquisition: str,
+    xi: float | None,
+    seed: int,
+    file: "Path | None" = None,
 ) -> Ends:
-    """Run at most `evaluations` rounds of ask, evaluate and tell."""
+    """Run rounds of ask, evaluate and tell up to `evaluations`, those that `file` holds among them."""
+    from tensegra.analysis.searchfile import load_search, save_search
+
     n_initial = min(max(2 * problem.n_inputs + 2, 5), max(evaluations // 2, 2))
     optimiser = BayesianOptimiser(problem, n_initial=n_initial, acquisition=acquisition, xi=xi, seed=seed)
-    for _ in range(evaluations):
+    n_before = 0
+    if file is not None and file.exists():
+        optimiser = load_search(file, problem, acquisition=acquisition, xi=xi, seed=seed)
+        n_before = optimiser.n_told
+        if n_before:
+            recorder.adopt(optimiser.X, optimiser.outputs)
+    while optimiser.n_told < evaluations:
         x = optimiser.ask()
         _, _, found = recorder.evaluate_at(x[None], [0])
         optimiser.tell(x, found.outputs[0])
+        if file is not None:
+            save_search(optimiser, file)
     visited, _ = recorder.all()
-    reason = f"{evaluations} evaluations, the first {n_initial} of them space-filling"
-    return Ends(problem.scales(visited), np.array([True]), (reason,))
+    # The scales are those of the whole box: the points of the search itself crowd around the optimum.
+    spread = visited.rows(slice(optimiser.n_initial))
+    if not np.isfinite(spread.objective).any():
+        spread = visited
+    reason = f"{optimiser.n_told} evaluations, the first {optimiser.n_initial} of them space-filling"
+    if n_before:
+        reason += f"; {n_before} are from an earlier search"
+    return Ends(problem.scales(spread), np.array([True]), (reason,))
 
 
 @dataclass(frozen=True)
@@ -280,7 +312,7 @@ class _Process:
         return self.shift + self.scale * (cross @ self.regressor.alpha_), self.scale * np.sqrt(variance)
 
 
-def _fit(Z: Array, y: Array, rng: np.random.Generator, before: _Process | None) -> _Process:
+def _fit(Z: Array, y: Array, rng: np.random.Generator, before: Array | None) -> _Process:
     """Fit a process with a length scale per input by maximum likelihood, from the last fit and afresh."""
     from scipy.optimize import minimize
     from sklearn.exceptions import ConvergenceWarning
@@ -295,7 +327,7 @@ def _fit(Z: Array, y: Array, rng: np.random.Generator, before: _Process | None) 
         result = minimize(objective, theta, jac=True, method="L-BFGS-B", bounds=pairs, options={"ftol": 1e-6})
         return result.x, float(result.fun)
 
-    starts = kernel if before is None else kernel.clone_with_theta(before.regressor.kernel_.theta)
+    starts = kernel if before is None else kernel.clone_with_theta(before)
     for jitter in (1e-10, 1e-8, 1e-6):
         regressor = GaussianProcessRegressor(
             starts,

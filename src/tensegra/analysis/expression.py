@@ -156,12 +156,15 @@ def parse_expression(text: str, names: Iterable[str], *, place: str = "expressio
     return reader.expression(text, reader.read(reader.body))
 
 
-def parse_constraint(text: str, names: Iterable[str], *, place: str = "constraint") -> tuple[Constraint, ...]:
+def parse_constraint(
+    text: str, names: Iterable[str], *, counts: Iterable[str] = (), place: str = "constraint"
+) -> tuple[Constraint, ...]:
     """Read a comparison such as ``abs(v) <= 1`` or ``-1 <= v <= 1`` into its smooth conditions.
 
     ``<`` and ``>`` mean ``<=`` and ``>=``: a number cannot tell them apart. ``abs(e) <= c`` becomes the two
     smooth conditions ``e <= c`` and ``-e <= c``; ``max(a, b) <= c`` and ``min(a, b) >= c`` are split
-    likewise.
+    likewise. An equality of nothing but `counts` and numbers, such as ``slack == 0``, means the nearest whole
+    number: it becomes the two conditions ``-0.5 <= slack - 0 <= 0.5``.
 
     Raises
     ------
@@ -178,9 +181,14 @@ def parse_constraint(text: str, names: Iterable[str], *, place: str = "constrain
     if not isinstance(body, ast.Compare):
         raise StudyError.at(place, text, "a comparison such as abs(v) <= 1")
     sides = [reader.read(node) for node in (body.left, *body.comparators)]
-    conditions = []
+    conditions, counted = [], frozenset(counts)
+    pairs: list[tuple[Node, Node]]
     for left, operator, right in zip(sides, body.ops, sides[1:], strict=False):
-        if isinstance(operator, ast.Eq):
+        equality = isinstance(operator, ast.Eq)
+        if equality and _only_counts((left, right), counted):
+            half, equality = Number(0.5), False
+            pairs = [(left, Operation("+", (right, half))), (right, Operation("+", (left, half)))]
+        elif equality:
             pairs = [(left, right)]
         elif isinstance(operator, ast.LtE | ast.Lt):
             pairs = list(_split(left, right))
@@ -191,9 +199,7 @@ def parse_constraint(text: str, names: Iterable[str], *, place: str = "constrain
         for small, large in pairs:
             margin = Operation("-", (large, small))
             label = f"{_render(large)} - {_render(small)}"
-            conditions.append(
-                Constraint(text, reader.expression(label, margin), isinstance(operator, ast.Eq))
-            )
+            conditions.append(Constraint(text, reader.expression(label, margin), equality))
     return tuple(conditions)
 
 
@@ -289,6 +295,18 @@ class _Reader:
 
     def _refuse(self, node: ast.expr, expected: str) -> StudyError:
         return StudyError.at(f"{self.place} '{self.text}'", ast.unparse(node)[:60], expected)
+
+
+def _only_counts(sides: Iterable[Node], counts: frozenset[str]) -> bool:
+    """Tell whether trees hold counts and numbers only, and at least one count."""
+    names = {name for side in sides for name in _names(side)}
+    return bool(names) and names <= counts
+
+
+def _names(node: Node) -> set[str]:
+    if isinstance(node, Operation):
+        return {name for argument in node.arguments for name in _names(argument)}
+    return {node.name} if isinstance(node, Name) else set()
 
 
 def _split(small: Node, large: Node) -> Iterable[tuple[Node, Node]]:

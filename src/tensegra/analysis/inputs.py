@@ -37,7 +37,32 @@ class SameAs:
     variable: str
 
 
-Law = QuantileFunction | SameAs | float
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """A variable known by draws of it, such as those of a posterior.
+
+    Attributes
+    ----------
+    values
+        Shape (n,).
+    source
+        What the draws come from. Variables of one source are drawn by rows together, so that what ties them
+        to each other stays.
+    """
+
+    values: Array
+    source: object
+
+    def at(self, u: Array) -> Array:
+        """Return the values of the rows that probabilities (n,) fall on."""
+        row = (u * len(self.values)).astype(np.intp)
+        return np.asarray(self.values[np.minimum(row, len(self.values) - 1)])
+
+    def __repr__(self) -> str:
+        return f"{len(self.values)} draws of mean {self.values.mean():.6g}, std {self.values.std():.3g}"
+
+
+Law = QuantileFunction | SameAs | Draws | float
 
 
 @dataclass(frozen=True)
@@ -75,9 +100,13 @@ class RandomInputs:
             joint = self.copula.from_unit(U[:, : self.copula.n_inputs])
             columns |= dict(zip(self.copula.names, joint.T, strict=True))
         by_name = dict(zip(self.names, self.laws, strict=True))
+        rows: dict[int, str] = {}
         for name, law in by_name.items():
             if isinstance(law, float):
                 columns[name] = np.full(len(U), law)
+            elif isinstance(law, Draws):
+                first = rows.setdefault(id(law.source), name)
+                columns[name] = law.at(U[:, self.independent.index(first)])
             elif not isinstance(law, SameAs) and name not in columns:
                 columns[name] = np.asarray(law.ppf(U[:, self.independent.index(name)]), dtype=float)
         for name, law in by_name.items():
@@ -99,8 +128,8 @@ def random_inputs(model: Model, inputs: Mapping[str, object] | None = None) -> R
         Gives the names and, for an input that `inputs` leaves out, the law of its space (with its
         correlations); without a space, the uniform law on its bounds.
     inputs
-        By variable: a distribution or its mapping, a number, `SameAs` or the mapping ``{"same_as": name}``. A
-        variable named here is independent of all others but of those tied to it.
+        By variable: a distribution or its mapping, a number, `Draws`, `SameAs` or the mapping ``{"same_as":
+        name}``. A variable named here is independent of all others but of those tied to it.
 
     Raises
     ------
@@ -132,11 +161,21 @@ def random_inputs(model: Model, inputs: Mapping[str, object] | None = None) -> R
             )
     copula = _copula(model.space, [name for name in own if name in laws and name not in given])
     first = () if copula is None else copula.names
-    rest = (n for n, law in laws.items() if n not in first and not isinstance(law, SameAs | float))
+    seen: set[int] = set()
+    rest = (n for n, law in laws.items() if n not in first and _is_free(law, seen))
     independent = (*first, *rest)
     if not independent:
         raise StudyError("inputs: every variable is fixed, there is nothing random to study")
     return RandomInputs(names, tuple(laws.values()), independent, copula)
+
+
+def _is_free(law: Law, seen: set[int]) -> bool:
+    """Tell whether a law needs a dimension of its own; of the draws of one source only the first does."""
+    if isinstance(law, Draws):
+        new = id(law.source) not in seen
+        seen.add(id(law.source))
+        return new
+    return not isinstance(law, SameAs | float)
 
 
 def _copula(space: "Space | None", names: Sequence[str]) -> "Space | None":
@@ -154,6 +193,8 @@ def _law(name: str, value: object, names: Sequence[str]) -> Law:
     place = f"inputs.{name}"
     if isinstance(value, Mapping) and set(value) == {"same_as"}:
         value = SameAs(str(value["same_as"]))
+    if isinstance(value, Draws):
+        return value
     if isinstance(value, SameAs):
         if value.variable not in names:
             raise StudyError.at(f"{place}.same_as", value.variable, "a variable", candidates=names)

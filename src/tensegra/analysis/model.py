@@ -128,6 +128,8 @@ class FunctionModel:
         Takes X, returns (n, n_outputs, n_inputs); central differences unless given.
     name, units, space
         What results are labelled with; the joint law of the inputs, if there is one.
+    counts
+        Outputs that count, so that only whole numbers can be equal.
 
     Examples
     --------
@@ -145,6 +147,7 @@ class FunctionModel:
     name: str = "function"
     units: Mapping[str, str] = field(default_factory=dict)
     space: "Space | None" = None
+    counts: tuple[str, ...] = ()
 
     def evaluate(self, X: ArrayLike) -> Evaluation:
         """Return the outputs at the points `X`."""
@@ -176,11 +179,14 @@ class SurrogateModel:
         The name that results carry; the surrogate's kind unless given.
     space
         The joint law of the inputs, which a surrogate does not remember.
+    counts
+        Outputs that count, so that only whole numbers can be equal.
     """
 
     surrogate: Any
     name: str = ""
     space: "Space | None" = None
+    counts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.name:

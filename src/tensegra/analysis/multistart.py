@@ -6,7 +6,7 @@ maximum on its own kink v = 0, where a line search along an exact gradient zigza
 trace and the result always hold the formula as it was written.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 # Widths of the smooth stand-ins, relative to the typical size of a kink's argument. At the last one the
 # stand-in is nowhere further from the formula than 1e-8 of that size.
 LEVELS = (1e-2, 1e-4, 1e-6, 1e-8)
+# Of a missed condition against the objective, both in units of their spread over the starts: where starts are
+# chosen from, one that nearly holds and is good beats one that holds and is poor.
+PENALTY = 3.0
 
 
 @dataclass(frozen=True)
@@ -72,14 +75,14 @@ Descent = Callable[[View, Array, Problem], Finish]
 
 
 def multistart(
-    problem: Problem, recorder: Recorder, descend: Descent, starts: Array
+    problem: Problem, recorder: Recorder, descend: Descent, starts: Array, *, follow: int | None = None
 ) -> tuple[list[Finish], Scales]:
-    """Run `descend` from each of `starts` (n_starts, d) in the unit cube.
+    """Run `descend` from `starts` (n_starts, d) in the unit cube: from each, or from the `follow` best.
 
     Returns
     -------
     finishes, scales
-        Where each start ended, and the scales that all of them worked in.
+        Where each start that was followed ended, and the scales that all of them worked in.
     """
     X, found, first = recorder.evaluate(starts, range(len(starts)))
     scales = problem.scales(first)
@@ -106,4 +109,15 @@ def multistart(
 
         return run
 
-    return lockstep([program(number) for number in range(len(starts))], answer), scales
+    followed = range(len(starts)) if follow is None else _most_promising(known, follow)
+
+    def answer_numbered(places: list[int], questions: list[Question]) -> list[Local]:
+        return answer([followed[place] for place in places], questions)
+
+    return lockstep([program(number) for number in followed], answer_numbered), scales
+
+
+def _most_promising(known: Sequence[Local], n: int) -> list[int]:
+    """Return the numbers of the `n` best starts; to miss a condition by its spread counts as `PENALTY`."""
+    merit = [local.f + PENALTY * float(np.maximum(-local.c, 0.0).sum()) for local in known]
+    return sorted(np.argsort(merit, kind="stable")[:n].tolist())

@@ -9,7 +9,9 @@ and nothing else.
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,12 +20,17 @@ from numpy.typing import NDArray
 from tensegra.analysis.model import Model, as_model
 from tensegra.analysis.optimum import Agreement, Optimum, Trace
 from tensegra.analysis.problem import FEASIBLE, Assessment, Problem, Recorder, Scales, state_problem
+from tensegra.analysis.truth import TrueModel
 from tensegra.analysis.uniqueness import equal_places
 from tensegra.errors import StudyError
 
 Array = NDArray[np.float64]
 
-METHODS = ("slsqp", "bfgs", "bayesian")
+METHODS = ("slsqp", "bfgs", "bayesian", "direct")
+
+# Starts of `direct` that are followed to their end, the best of all that were tried: a start takes some
+# dozens of solutions of the structure.
+N_FOLLOWED = 12
 
 # Two points have the same objective within this share of its spread, and the same place within this share of
 # the box (a smooth optimum is a thousandth of the box wide where its objective falls by a millionth).
@@ -44,6 +51,7 @@ def optimise(
     xi: float | None = None,
     seed: int = 0,
     true_model: object | None = None,
+    file: str | PathLike[str] | None = None,
     name: str = "optimisation",
     progress: Callable[[int, int], None] | None = None,
 ) -> Optimum:
@@ -62,10 +70,11 @@ def optimise(
     maximise
         Whether the largest value is wanted.
     method
-        ``slsqp`` and ``bfgs`` (gradients, many starts), or ``bayesian`` (a Gaussian process, few
-        evaluations).
+        ``slsqp`` and ``bfgs`` (gradients, many starts), ``bayesian`` (a Gaussian process, few evaluations),
+        or ``direct``: SLSQP on the true model itself, with its exact derivatives, whatever `model` is.
     starts
-        Starts of the gradient methods, a Latin hypercube in the box.
+        Starts of the gradient methods, a Latin hypercube in the box. Of ``direct``, the best dozen of them
+        are followed.
     evaluations, acquisition, xi
         Of ``bayesian``: at most so many evaluations; ``ucb``, ``ei`` or ``mpi``; and its exploration
         parameter ξ, unless given 0.01 for UCB (the source paper's) and MPI, 0 for EI.
@@ -74,6 +83,9 @@ def optimise(
     true_model
         Solves the optimum again; a study or a `Model`. Unless given, the optimum of a surrogate stays
         unchecked.
+    file
+        Of ``bayesian``: a JSON file that keeps the search after every evaluation; a search that it holds
+        already is gone on with.
     name
         Of the result.
     progress
@@ -99,15 +111,26 @@ def optimise(
     for place, count in (("starts", starts), ("evaluations", evaluations)):
         if count < 1:
             raise StudyError.at(f"optimisation.{place}", count, "at least 1")
-    problem = state_problem(
-        as_model(model), objective, bounds=bounds, constraints=constraints, maximise=maximise
-    )
+    if file is not None and method != "bayesian":
+        raise StudyError.at("optimisation.file", str(file), "the method 'bayesian', which alone keeps one")
+    asked = _asked(as_model(model), method, true_model)
+    problem = state_problem(asked, objective, bounds=bounds, constraints=constraints, maximise=maximise)
+    if isinstance(asked, TrueModel) and method != "bayesian":
+        problem = replace(problem, model=replace(asked, ahead=True, of=problem.used_outputs))
     recorder = Recorder(problem, progress, evaluations if method == "bayesian" else 0)
     began = time.perf_counter()
     if method == "bayesian":
         from tensegra.analysis.bayesian import search
 
-        ends = search(problem, recorder, evaluations=evaluations, acquisition=acquisition, xi=xi, seed=seed)
+        ends = search(
+            problem,
+            recorder,
+            evaluations=evaluations,
+            acquisition=acquisition,
+            xi=xi,
+            seed=seed,
+            file=None if file is None else Path(file),
+        )
     else:
         ends = _many_starts(problem, recorder, method, starts, seed)
     seconds = time.perf_counter() - began
@@ -133,6 +156,17 @@ class Ends:
     reasons: tuple[str, ...]
 
 
+def _asked(model: Model, method: str, true_model: object | None) -> Model:
+    """Return the model that a method searches on."""
+    if method == "bayesian":
+        return model
+    if method == "direct" and not isinstance(model, TrueModel):
+        if true_model is None:
+            raise StudyError.at("optimisation.true_model", None, "the true model, which 'direct' searches on")
+        model = as_model(true_model)
+    return model
+
+
 def _many_starts(problem: Problem, recorder: Recorder, method: str, starts: int, seed: int) -> Ends:
     from scipy.stats import qmc
 
@@ -140,8 +174,9 @@ def _many_starts(problem: Problem, recorder: Recorder, method: str, starts: int,
     from tensegra.analysis.multistart import multistart
 
     Z = qmc.LatinHypercube(problem.n_inputs, rng=np.random.default_rng(seed)).random(starts)
-    descend = {"slsqp": slsqp.descend, "bfgs": bfgs.descend}[method]
-    finishes, scales = multistart(problem, recorder, descend, Z)
+    descend = {"slsqp": slsqp.descend, "bfgs": bfgs.descend, "direct": slsqp.descend}[method]
+    follow = N_FOLLOWED if method == "direct" else None
+    finishes, scales = multistart(problem, recorder, descend, Z, follow=follow)
     return Ends(
         scales,
         np.array([finish.converged for finish in finishes]),

@@ -36,6 +36,10 @@ class Assessment:
     objective: Array
     margins: Array
 
+    def rows(self, index: slice) -> "Assessment":
+        """Return some of the points."""
+        return Assessment(*(getattr(self, name)[index] for name in Assessment.__annotations__))
+
 
 @dataclass(frozen=True)
 class Local:
@@ -143,7 +147,9 @@ class Problem:
     def localise(self, X: Array, found: Evaluation, scales: Scales, smoothing: Array) -> list[Local]:
         """Return the scaled problem and its derivatives; `smoothing` (n,) is relative to the kinks.
 
-        A point where the model fails is infinitely bad, which makes a line search step back from it.
+        A point where the model fails is infinitely bad, which makes a line search step back from it. So is
+        one that misses a condition which has no slope there, such as a number of slack cables: no descent
+        would mend it.
         """
         n, d = X.shape
         gradient = self.model.gradient(X)
@@ -166,6 +172,9 @@ class Problem:
         df, dc = sign * slopes[0], np.stack(slopes[1:], axis=1) if self.constraints else np.zeros((n, 0, d))
         usable = found.valid & np.isfinite(f) & np.isfinite(c).all(axis=1)
         usable &= np.isfinite(df).all(axis=1) & np.isfinite(dc).all(axis=(1, 2))
+        equality = np.array([constraint.equality for constraint in self.constraints], dtype=bool)
+        missed = np.where(equality, c != 0.0, c < 0.0)
+        usable &= ~(missed & ~np.asarray(dc, dtype=bool).any(axis=2)).any(axis=1)
         return [
             Local(float(f[i]), df[i], c[i], dc[i])
             if usable[i]
@@ -209,6 +218,12 @@ class Recorder:
             self.progress(self.n_evaluations, self.expected)
         return X, found, assessment
 
+    def adopt(self, X: Array, outputs: Array) -> None:
+        """Take in evaluations (n, …) of an earlier search as its first ones."""
+        self.parts.append(self.problem.assess(X, Evaluation.of_values(outputs)))
+        self.starts.append(np.zeros(len(X), dtype=np.intp))
+        self.n_evaluations += len(X)
+
     def all(self) -> tuple[Assessment, NDArray[np.intp]]:
         """Return every evaluation in order, and the start that each belongs to."""
         joined = Assessment(
@@ -243,7 +258,9 @@ def state_problem(
     conditions = [
         condition
         for number, text in enumerate(constraints)
-        for condition in parse_constraint(text, names, place=f"constraints[{number}]")
+        for condition in parse_constraint(
+            text, names, counts=getattr(model, "counts", ()), place=f"constraints[{number}]"
+        )
     ]
     formula = parse_expression(objective, names, place="objective")
     return Problem(model, formula, tuple(conditions), _box(model, bounds or {}), maximise)

@@ -71,6 +71,8 @@ class Propagation:
         The law of each input, in words.
     inputs, outputs
         Summaries by name. The inputs' are for the figure: they show what was really drawn.
+    levels, limits
+        The quantiles that were asked for, and by output the limits: their estimates are in the table.
     other
         The same for a second model on the same samples, or None.
     differences
@@ -91,6 +93,8 @@ class Propagation:
     laws: Mapping[str, str]
     inputs: Mapping[str, Summary]
     outputs: Mapping[str, Summary]
+    levels: tuple[float, ...] = ()
+    limits: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     other: "Propagation | None" = None
     differences: Mapping[str, Difference] = field(default_factory=dict)
 
@@ -114,8 +118,23 @@ class Propagation:
             summary.worst_case_exceedance(limit, self.n_failed) if worst_case else summary.exceedance(limit)
         )
 
+    def quantiles(self) -> dict[str, dict[float, Estimate]]:
+        """Return the quantiles that were asked for, by output and probability."""
+        return {name: {p: s.quantile(p) for p in self.levels} for name, s in self.outputs.items()}
+
+    def exceedances(self) -> dict[str, dict[float, Estimate]]:
+        """Return the probabilities of exceeding the limits, by output and limit.
+
+        Their intervals hold whatever the failed runs may have done.
+        """
+        return {
+            name: {limit: self.exceedance(name, limit, worst_case=True) for limit in limits}
+            for name, limits in self.limits.items()
+        }
+
     def table(self) -> list[dict[str, Any]]:
-        """Return the paper's Table 2: a row per output, model and statistic."""
+        """Return the paper's Table 2: a row per output, model and statistic; then what else was asked for."""
+        quantiles, exceedances = self.quantiles(), self.exceedances()
         rows = [
             {
                 "model": self.model,
@@ -127,7 +146,11 @@ class Propagation:
                 "high": estimate.high,
             }
             for summary in self.outputs.values()
-            for statistic, estimate in summary.rows().items()
+            for statistic, estimate in (
+                *summary.rows().items(),
+                *((f"quantile {p:g}", found) for p, found in quantiles[summary.name].items()),
+                *((f"P(> {limit:g})", found) for limit, found in exceedances.get(summary.name, {}).items()),
+            )
         ]
         return rows + (self.other.table() if self.other else [])
 
@@ -135,6 +158,7 @@ class Propagation:
         """Return plain JSON types."""
         content = {key: value for key, value in vars(self).items() if key not in {"other", "differences"}}
         content |= {"kind": self.kind, "other": self.other.to_dict() if self.other else None}
+        content |= {"quantiles": self.quantiles(), "exceedances": self.exceedances()}
         content["differences"] = {name: vars(difference) for name, difference in self.differences.items()}
         return dict(plain(content))
 
@@ -155,6 +179,8 @@ def propagate(
     method: str = "monte_carlo",
     outputs: Sequence[str] | None = None,
     compare_with: object | None = None,
+    quantiles: Sequence[float] = (),
+    limits: Mapping[str, float | Sequence[float]] | None = None,
     seed: int = 0,
     confidence: float = 0.95,
     name: str = "propagation",
@@ -179,6 +205,9 @@ def propagate(
         Which outputs to summarise; all unless given.
     compare_with
         A second model, asked at the same samples.
+    quantiles, limits
+        Probabilities whose quantiles, and by output limits whose probability of being exceeded, are to stand
+        in the result's table. Any others can be asked of the result later.
     seed, confidence, name
         Of the random numbers; of all intervals; of the result.
     chunk
@@ -210,6 +239,7 @@ def propagate(
         raise StudyError.at("propagation.confidence", confidence, "a level between 0 and 1")
     laws = random_inputs(first, inputs)
     wanted = tuple(outputs or first.output_names)
+    extras = _Extras.of(wanted, quantiles, limits or {})
     tallies = [_Tally(first, wanted, laws, laws.names)]
     if second is not None:
         tallies.append(_Tally(second, wanted, laws, ()))  # it is asked at the same inputs
@@ -224,11 +254,36 @@ def propagate(
         done += len(X)
         if progress is not None:
             progress(done, total)
-    results = [tally.result(name, method, seed, confidence) for tally in tallies]
+    results = [tally.result(name, method, seed, confidence, extras) for tally in tallies]
     if second is None:
         return results[0]
     differences = pairs.result(results, wanted, confidence)
     return Propagation(**{**vars(results[0]), "other": results[1], "differences": differences})
+
+
+@dataclass(frozen=True)
+class _Extras:
+    """Quantiles and limits, checked."""
+
+    levels: tuple[float, ...]
+    limits: dict[str, tuple[float, ...]]
+
+    @classmethod
+    def of(
+        cls,
+        outputs: tuple[str, ...],
+        levels: Sequence[float],
+        limits: Mapping[str, float | Sequence[float]],
+    ) -> "_Extras":
+        column_index(outputs, tuple(limits), "propagation.limits")
+        for level in levels:
+            if not 0.0 < level < 1.0:
+                raise StudyError.at("propagation.quantiles", level, "a probability between 0 and 1")
+        several = {name: tuple(map(float, np.atleast_1d(limit))) for name, limit in limits.items()}
+        for name, values in several.items():
+            if not np.isfinite(values).all():
+                raise StudyError.at(f"propagation.limits.{name}", list(values), "finite numbers")
+        return cls(tuple(map(float, levels)), several)
 
 
 def _plan(samples: int, method: str) -> list[int]:
@@ -292,7 +347,7 @@ class _Tally:
         self.n_outside += n_outside(mine, self.box)
         return answer
 
-    def result(self, name: str, method: str, seed: int, confidence: float) -> Propagation:
+    def result(self, name: str, method: str, seed: int, confidence: float, extras: "_Extras") -> Propagation:
         units, by_output = self.model.units, zip(*self.sketches.values(), strict=True)
         return Propagation(
             name=name,
@@ -313,6 +368,8 @@ class _Tally:
                 output: summarise(output, sketches, confidence=confidence, unit=units.get(output, ""))
                 for output, sketches in zip(self.outputs, by_output, strict=True)
             },
+            levels=extras.levels,
+            limits=extras.limits,
         )
 
 

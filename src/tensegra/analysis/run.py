@@ -1,12 +1,18 @@
 """Carry out the analyses that a study file lists."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
+from tensegra.analysis.calibration import calibrate
+from tensegra.analysis.chaosindices import chaos_indices
+from tensegra.analysis.inverse import reach
 from tensegra.analysis.model import Model, SurrogateModel
 from tensegra.analysis.optimisation import optimise
-from tensegra.analysis.propagation import propagate
+from tensegra.analysis.posterior import Calibration
+from tensegra.analysis.propagation import Propagation, propagate
+from tensegra.analysis.robust import robust_optimise
+from tensegra.analysis.screening import morris_screening
 from tensegra.analysis.sensitivity import sobol_indices
 from tensegra.analysis.truth import TrueModel
 from tensegra.errors import StudyError
@@ -24,7 +30,7 @@ class Result(Protocol):
 
     @property
     def kind(self) -> str:
-        """``propagation``, ``sensitivity`` or ``optimisation``."""
+        """The kind of its entry in the study: ``propagation``, ``sensitivity``, …."""
         ...
 
     @property
@@ -66,8 +72,9 @@ def run_analyses(
 
     Returns
     -------
-    list of Propagation, Sensitivity or Optimum
-        One per entry; an optimisation gives one per method. All randomness follows the study's seed.
+    list
+        One result per entry, of the kind that the entry's function returns; an optimisation gives one per
+        method. All randomness follows the study's seed.
 
     Raises
     ------
@@ -96,39 +103,72 @@ class _Models:
         if name not in self.surrogates:
             known = (*self.surrogates, TRUTH)
             raise StudyError.at("analyses.model", name, "one of " + ", ".join(known), candidates=known)
-        return SurrogateModel(self.surrogates[name], name, self.study.space)
+        counts = TrueModel(self.study).counts
+        return SurrogateModel(self.surrogates[name], name, self.study.space, counts)
+
+
+def _laws(entries: Mapping[str, Any]) -> dict[str, object]:
+    return {variable: entry.law() for variable, entry in entries.items()}
 
 
 def _told(progress: Progress | None, name: str) -> Callable[[int, int], None] | None:
     return None if progress is None else lambda done, total: progress(name, done, total)
 
 
+def _common(study: "Study", entry: Any, default: str, progress: Progress | None) -> dict[str, Any]:  # noqa: ANN401 - the study's pydantic entry
+    """Return the arguments that all analyses take."""
+    name = entry.name or default
+    return {
+        "seed": study.seed,
+        "confidence": entry.confidence,
+        "name": name,
+        "progress": _told(progress, name),
+    }
+
+
 def _propagation(study: "Study", models: _Models, entry: Any, progress: Progress | None) -> Iterator[Result]:  # noqa: ANN401 - the study's pydantic entry
-    name = entry.name or "propagation"
     yield propagate(
         models.named(entry.model),
-        {variable: law.law() for variable, law in entry.inputs.items()},
+        _laws(entry.inputs),
         samples=entry.samples,
         method=entry.method,
         outputs=entry.outputs,
         compare_with=None if entry.compare_with is None else models.named(entry.compare_with),
-        seed=study.seed,
-        name=name,
-        progress=_told(progress, name),
+        quantiles=entry.quantiles,
+        limits=entry.limits,
+        **_common(study, entry, "propagation", progress),
     )
 
 
 def _sensitivity(study: "Study", models: _Models, entry: Any, progress: Progress | None) -> Iterator[Result]:  # noqa: ANN401
-    name = entry.name or "sensitivity"
+    if entry.method == "chaos":
+        yield chaos_indices(
+            models.named(entry.model),
+            outputs=entry.outputs,
+            second_order=entry.second_order,
+            seed=study.seed,
+            confidence=entry.confidence,
+            name=entry.name or "sensitivity",
+        )
+        return
     yield sobol_indices(
         models.named(entry.model),
-        {variable: law.law() for variable, law in entry.inputs.items()},
+        _laws(entry.inputs),
         samples=entry.samples,
         second_order=entry.second_order,
         outputs=entry.outputs,
-        seed=study.seed,
-        name=name,
-        progress=_told(progress, name),
+        **_common(study, entry, "sensitivity", progress),
+    )
+
+
+def _morris(study: "Study", models: _Models, entry: Any, progress: Progress | None) -> Iterator[Result]:  # noqa: ANN401
+    yield morris_screening(
+        models.named(entry.model),
+        _laws(entry.inputs),
+        trajectories=entry.trajectories,
+        levels=entry.levels,
+        outputs=entry.outputs,
+        **_common(study, entry, "screening", progress),
     )
 
 
@@ -136,7 +176,7 @@ def _optimisation(study: "Study", models: _Models, entry: Any, progress: Progres
     name = entry.name or "optimisation"
     for method in entry.methods:
         yield optimise(
-            models.named(entry.model),
+            models.named(TRUTH if method == "direct" else entry.model),
             entry.objective,
             bounds=entry.bounds,
             constraints=entry.constraints,
@@ -144,6 +184,7 @@ def _optimisation(study: "Study", models: _Models, entry: Any, progress: Progres
             method=method,
             starts=entry.starts,
             evaluations=entry.evaluations,
+            acquisition=entry.acquisition,
             xi=entry.xi,
             seed=study.seed,
             true_model=TrueModel(study),
@@ -152,4 +193,86 @@ def _optimisation(study: "Study", models: _Models, entry: Any, progress: Progres
         )
 
 
-_DISPATCH = {"propagation": _propagation, "sensitivity": _sensitivity, "optimisation": _optimisation}
+def _robust(study: "Study", models: _Models, entry: Any, progress: Progress | None) -> Iterator[Result]:  # noqa: ANN401
+    yield robust_optimise(
+        models.named(entry.model),
+        entry.objective,
+        errors=_laws(entry.errors),
+        inputs=_laws(entry.inputs),
+        kappa=entry.kappa,
+        quantile=entry.quantile,
+        bounds=entry.bounds,
+        constraints=entry.constraints,
+        maximise=entry.maximise,
+        method=entry.method,
+        starts=entry.starts,
+        evaluations=entry.evaluations,
+        draws=entry.draws,
+        samples=entry.samples,
+        true_model=TrueModel(study),
+        **_common(study, entry, "robust optimisation", progress),
+    )
+
+
+def _inverse(study: "Study", models: _Models, entry: Any, progress: Progress | None) -> Iterator[Result]:  # noqa: ANN401
+    yield reach(
+        models.named(entry.model),
+        entry.targets,
+        bounds=entry.bounds,
+        errors=_laws(entry.errors),
+        inputs=_laws(entry.inputs),
+        constraints=entry.constraints,
+        tolerance=entry.tolerance,
+        starts=entry.starts,
+        samples=entry.samples,
+        true_model=TrueModel(study),
+        **_common(study, entry, "inverse problem", progress),
+    )
+
+
+def _calibration(study: "Study", models: _Models, entry: Any, progress: Progress | None) -> Iterator[Result]:  # noqa: ANN401
+    model = models.named(entry.model)
+    found = calibrate(
+        model,
+        entry.measurements,
+        inputs=_laws(entry.inputs),
+        chains=entry.chains,
+        warmup=entry.warmup,
+        draws=entry.draws,
+        true_model=TrueModel(study),
+        **_common(study, entry, "calibration", progress),
+    )
+    if entry.predict is not None:
+        found = replace(found, after=_predicted(study, model, entry, found))
+    yield found
+
+
+def _predicted(study: "Study", model: Model, entry: Any, found: Calibration) -> tuple[Propagation, ...]:  # noqa: ANN401
+    """Propagate from the prior and from the posterior, under the same further inputs."""
+    others = _laws(entry.predict.inputs)
+    prior = _laws(entry.inputs) | others
+    return tuple(
+        propagate(
+            model,
+            inputs,
+            samples=entry.predict.samples,
+            outputs=entry.predict.outputs,
+            quantiles=entry.predict.quantiles,
+            limits=entry.predict.limits,
+            seed=study.seed,
+            confidence=entry.confidence,
+            name=f"{found.name}, {label}",
+        )
+        for label, inputs in (("prior", prior), ("posterior", found.inputs(**others)))
+    )
+
+
+_DISPATCH = {
+    "propagation": _propagation,
+    "sensitivity": _sensitivity,
+    "morris": _morris,
+    "optimisation": _optimisation,
+    "robust": _robust,
+    "inverse": _inverse,
+    "calibration": _calibration,
+}

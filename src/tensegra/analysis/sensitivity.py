@@ -69,8 +69,8 @@ class Sensitivity:
 
     Attributes
     ----------
-    name, model, seed, confidence
-        What was asked.
+    name, model, method, seed, confidence
+        What was asked; the method is ``saltelli`` or ``chaos``, which needs no runs.
     n_base
         Base points asked for.
     n_blocks
@@ -107,11 +107,12 @@ class Sensitivity:
     indices: Mapping[str, Indices]
     sizes: tuple[int, ...]
     convergence: Mapping[str, tuple[Indices, ...]]
+    method: str = "saltelli"
 
     @property
     def share_dropped(self) -> float:
         """Share of the blocks lost to failed runs."""
-        return 1.0 - self.n_blocks / self.n_base
+        return 1.0 - self.n_blocks / self.n_base if self.n_base else 0.0
 
     def table(self) -> list[dict[str, Any]]:
         """Return a row per output, order and input (or pair of inputs), with the interval."""
@@ -155,6 +156,8 @@ class Sensitivity:
             for output, found in self.indices.items()
         ]
         asked = f"{self.n_runs} runs of {self.model}, {self.share_dropped:.1%} of the blocks dropped"
+        if self.method == "chaos":
+            asked = f"in closed form from the expansion {self.model}"
         return f"Sensitivity({asked}; {'; '.join(lines)})"
 
 

@@ -118,7 +118,11 @@ class Sketch:
             return np.zeros(0, dtype=np.int64), np.zeros(0)
         bins = self._settled()
         if bins is None:
-            counts, edges = np.histogram(self._sorted(), bins=n_bars)
+            # Values that differ by rounding alone have no room for bars between them.
+            room = n_bars * 4.0 * np.spacing(max(abs(self.minimum), abs(self.maximum)))
+            narrow = self.maximum - self.minimum < room
+            span = (self.minimum - room, self.maximum + room) if narrow else None
+            counts, edges = np.histogram(self._sorted(), bins=n_bars, range=span)
             return counts.astype(np.int64), edges
         group = max(1, bins.counts.size // n_bars)
         padded = np.pad(bins.counts, (0, -bins.counts.size % group))

@@ -1,7 +1,8 @@
 """The true model: the structure itself, solved anew at every point."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from tensegra.analysis.model import Evaluation, central_differences, points
 
 if TYPE_CHECKING:
-    from tensegra.study.evaluate import Solver
+    from tensegra.study.evaluate import Runs, Solver
+    from tensegra.study.outputs import Output
     from tensegra.study.space import Space
     from tensegra.study.study import Study
 
@@ -20,6 +22,10 @@ Array = NDArray[np.float64]
 # `unstable` falls; surrogates do not learn from them, and an analysis of the truth does not count them
 # either.
 CERTIFIED = ("stable", "snapped")
+
+# An extreme tension has the derivative of the member that bears it; a number of cables has none but zero.
+EXTREMES = {"max_tension": np.argmax, "min_tension": np.argmin}
+COUNT = "slack_cables"
 
 
 @dataclass(frozen=True)
@@ -36,12 +42,19 @@ class TrueModel:
         The name that results carry.
     solver
         `tensegra.mechanics.solve_batch` unless given.
+    ahead
+        Whether `evaluate` differentiates too and remembers, for a method that asks for the derivatives next.
+    of
+        Outputs to differentiate, all unless given; the derivatives of the others are NaN.
     """
 
     study: "Study"
     statuses: tuple[str, ...] = CERTIFIED
     name: str = "truth"
     solver: "Solver | None" = None
+    ahead: bool = False
+    of: tuple[str, ...] | None = None
+    _kept: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -69,15 +82,81 @@ class TrueModel:
         inputs = {variable.name: variable.unit for variable in self.study.variables}
         return inputs | {output.name: output.unit for output in self.study.outputs}
 
+    @property
+    def counts(self) -> tuple[str, ...]:
+        """Outputs that count, so that only whole numbers can be equal."""
+        return tuple(output.name for output in self.study.outputs if output.quantity == COUNT)
+
     def evaluate(self, X: ArrayLike) -> Evaluation:
         """Solve the structure at the points `X` (n, n_inputs)."""
-        runs = self.study.evaluate(points(X, self.input_names), solver=self.solver)
-        valid = runs.valid & np.isin(runs.status, self.statuses)
-        return Evaluation(np.where(valid[:, None], runs.Y, np.nan), valid, runs.status)
+        X = points(X, self.input_names)
+        study = self._differentiable if self.ahead else self.study
+        runs = study.evaluate(X, derivatives=self.ahead, solver=self.solver)
+        values = runs.Y[:, : len(self.output_names)]
+        valid = np.isfinite(values).all(axis=1) & np.isin(runs.status, self.statuses)
+        if self.ahead:
+            self._kept.clear()
+            self._kept[X.tobytes()] = self._derivatives(X, runs)
+        return Evaluation(np.where(valid[:, None], values, np.nan), valid, runs.status)
 
     def gradient(self, X: ArrayLike) -> Array:
-        """Return derivatives (n, n_outputs, n_inputs) by central differences inside the box."""
-        return central_differences(self, points(X, self.input_names))
+        """Return the derivatives (n, n_outputs, n_inputs), NaN where there is no certified equilibrium.
+
+        They are exact, from the factorised stiffness, but for the lowest eigenvalue: central differences.
+        """
+        X = points(X, self.input_names)
+        kept = self._kept.get(X.tobytes())
+        if kept is not None:
+            return kept
+        return self._derivatives(X, self._differentiable.evaluate(X, derivatives=True, solver=self.solver))
 
     def uncertainty(self, X: ArrayLike) -> None:
         """Return None: the truth has no error of its own."""
+
+    @cached_property
+    def _differentiable(self) -> "Study":
+        """The study with the tension of every member that may bear an extreme one as a further output."""
+        bearers = {
+            member: None
+            for output in self.study.outputs
+            if output.quantity in EXTREMES and self._is_wanted(output)
+            for member in output.members
+        }
+        return replace(self.study, outputs=(*self.study.outputs, *map(_tension_of, bearers)))
+
+    def _is_wanted(self, output: "Output") -> bool:
+        return self.of is None or output.name in self.of
+
+    def _derivatives(self, X: Array, runs: "Runs") -> Array:
+        assert runs.dY is not None  # noqa: S101 - asked for
+        outputs, n_outputs = self._differentiable.outputs, len(self.output_names)
+        dY = np.array(runs.dY[:, :n_outputs])
+        column = {output.target: k for k, output in enumerate(outputs) if k >= n_outputs}
+        for k, output in enumerate(self.study.outputs):
+            if not self._is_wanted(output):
+                dY[:, k] = np.nan
+            elif output.quantity in EXTREMES:
+                borne = [column[member] for member in output.members]
+                which = EXTREMES[output.quantity](np.nan_to_num(runs.Y[:, borne]), axis=1)
+                dY[:, k] = runs.dY[np.arange(len(X)), np.array(borne)[which]]
+            elif output.quantity == COUNT:
+                dY[:, k] = 0.0
+        rest = [
+            k
+            for k, output in enumerate(self.study.outputs)
+            if output.quantity not in _EXACT and self._is_wanted(output)
+        ]
+        if rest:
+            study = replace(self.study, outputs=tuple(self.study.outputs[k] for k in rest))
+            dY[:, rest] = central_differences(replace(self, study=study, ahead=False, of=None), X)
+        dY[~np.isin(runs.status, self.statuses)] = np.nan
+        return dY
+
+
+_EXACT = ("displacement", "coordinate", "distance", "tension", *EXTREMES, COUNT)
+
+
+def _tension_of(member: str) -> "Output":
+    from tensegra.study.outputs import Output
+
+    return Output(f"tension of {member}", "tension", member, members=(member,))

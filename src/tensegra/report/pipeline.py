@@ -129,11 +129,11 @@ def require_sound(study: Study) -> None:
             raise StudyError(f"surrogates.{name}: {error}") from None
     names = (*study.input_names, *study.output_names)
     for i, entry in enumerate(study.analyses):
-        if entry.optimisation is not None:
-            place = f"analyses[{i}].optimisation"
-            parse_expression(entry.optimisation.objective, names, place=f"{place}.objective")
-            for j, constraint in enumerate(entry.optimisation.constraints):
-                parse_constraint(constraint, names, place=f"{place}.constraints[{j}]")
+        place = f"analyses[{i}].{entry.kind}"
+        if entry.optimisation or entry.robust:
+            parse_expression(entry.value.objective, names, place=f"{place}.objective")
+        for j, constraint in enumerate(getattr(entry.value, "constraints", ())):
+            parse_constraint(constraint, names, place=f"{place}.constraints[{j}]")
 
 
 @dataclass(frozen=True)

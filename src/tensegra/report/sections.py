@@ -7,19 +7,16 @@ import numpy as np
 
 from tensegra.mechanics import solve_batch
 from tensegra.report import figures
+from tensegra.report.analysis_tables import analysis_tables, grouped
 from tensegra.report.report import Figure, Section
 from tensegra.report.results import Results, StoredAnalysis
 from tensegra.report.study_tables import (
     agreement_table,
     analysis_table,
-    grouped,
-    optimum_table,
     outcome_table,
     output_table,
-    propagation_table,
     provenance_table,
     reason_table,
-    sensitivity_table,
     surrogate_table,
     validation_table,
     variable_table,
@@ -158,10 +155,15 @@ class Writer:
         tell = {
             "propagation": self._propagation,
             "sensitivity": self._sensitivity,
+            "morris": self._screening,
             "optimisation": self._optimisation,
+            "robust": self._robust,
+            "inverse": self._inverse,
+            "calibration": self._calibration,
         }
         for group in grouped(self.results.analyses):
-            section = Section(group[0].name, f"analysis-{group[0].entry + 1}")
+            tables = analysis_tables(group)
+            section = Section(group[0].name, f"analysis-{group[0].entry + 1}", tables=tables)
             tell[group[0].kind](section, group)
             yield section
 
@@ -169,7 +171,6 @@ class Writer:
         content = group[0].content
         laws = "; ".join(f"{name} {law}" for name, law in content["laws"].items())
         section.paragraphs.append(f"Propagation of random inputs: {laws}.")
-        section.tables.append(propagation_table(group[0]))
         self._add(
             section,
             f"{section.title}: inputs and outputs",
@@ -184,25 +185,66 @@ class Writer:
             for output, found in content["indices"].items()
             if found["reason"]
         ]
-        section.tables.append(sensitivity_table(group[0]))
         drawing = figures.index_figure(content)
         text = "First order and total, with their intervals."
         self._add(section, f"{section.title}: Sobol indices", text, drawing)
+        if not content["convergence"]:
+            return
         drawing = figures.index_convergence(content)
         text = "Total indices, with their intervals, over the number of base points."
         self._add(section, f"{section.title}: convergence", text, drawing)
 
+    def _screening(self, section: Section, group: Sequence[StoredAnalysis]) -> None:
+        content = group[0].content
+        section.paragraphs += [
+            f"{output}: no effects, {found['reason']}."
+            for output, found in content["effects"].items()
+            if found["reason"]
+        ]
+        text = "μ* says how much an input matters; where σ is as large, its effect depends on the others."
+        self._add(section, f"{section.title}: elementary effects", text, figures.screening_figure(content))
+
     def _optimisation(self, section: Section, group: Sequence[StoredAnalysis]) -> None:
         contents, traces = [stored.content for stored in group], [stored.trace() for stored in group]
         section.paragraphs += [f"{content['method']}: {content['reason']}." for content in contents]
-        section.tables.append(optimum_table(group))
         text = "The objective over the evaluations; the star is the optimum solved again by the true model."
         drawing = figures.search_figure(contents, traces)
         self._add(section, f"{section.title}: convergence", text, drawing)
         drawing = figures.visited_figure(contents, traces)
         self._add(section, f"{section.title}: visited solutions", "Where the methods looked.", drawing)
 
+    def _robust(self, section: Section, group: Sequence[StoredAnalysis]) -> None:
+        content = group[0].content
+        laws = "; ".join(f"{name} {law}" for name, law in content["laws"].items() if law != "0")
+        section.paragraphs += [f"Errors and random inputs: {laws}.", f"{_sentence(content['reason'])}."]
+        text = "Histograms by the model"
+        text += ", densities by the true model (dashed)." if content["spreads"]["robust"]["other"] else "."
+        self._add(section, f"{section.title}: outcomes", text, figures.robust_figure(content))
+
+    def _inverse(self, section: Section, group: Sequence[StoredAnalysis]) -> None:
+        content = group[0].content
+        laws = "; ".join(f"{name} {law}" for name, law in content["laws"].items() if law != "0")
+        section.paragraphs += [f"Errors and random inputs: {laws}."] if laws else []
+        text = "The inputs at each waypoint; how far each output is from its target, and is to be expected."
+        self._add(section, f"{section.title}: trajectory", text, figures.trajectory_figure(content))
+
+    def _calibration(self, section: Section, group: Sequence[StoredAnalysis]) -> None:
+        content = group[0].content
+        section.paragraphs.append(f"{_sentence(content['reason'])}.")
+        text = "Prior and posterior of each parameter, its interval shaded; below, draws by pairs."
+        self._add(section, f"{section.title}: posterior", text, figures.marginal_figure(content))
+        text = "How far the measurements lie from the prediction, and may be expected to lie."
+        self._add(section, f"{section.title}: measurements", text, figures.fit_figure(content))
+        if content["after"]:
+            drawing = figures.prediction_figure(content["after"])
+            self._add(section, f"{section.title}: prediction", "Before and after the measurements.", drawing)
+
     def _provenance(self) -> Iterator[Section]:
         """Tell where all of this comes from."""
         tables = [analysis_table(self.study), provenance_table(self.results)]
         yield Section("Provenance", "provenance", tables=tables)
+
+
+def _sentence(text: str) -> str:
+    """Return a text with a capital at its beginning."""
+    return text[:1].upper() + text[1:]

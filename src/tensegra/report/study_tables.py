@@ -2,29 +2,25 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from math import floor, isfinite, log10
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
-from tensegra.report.tables import Table, aligned, labelled, number
+from tensegra.report.tables import Table, labelled, number
 from tensegra.study import AnalysisEntry, Campaign, CampaignState, Selection, Study
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from tensegra.report.results import Results, StoredAnalysis
 
 __all__ = [
     "agreement_table",
     "analysis_table",
-    "grouped",
-    "optimum_table",
     "outcome_table",
     "output_table",
-    "propagation_table",
     "provenance_table",
     "reason_table",
     "reasons_by_kind",
-    "result_tables",
-    "sensitivity_table",
     "state_to_dict",
     "surrogate_table",
     "title_of",
@@ -32,24 +28,10 @@ __all__ = [
     "variable_table",
 ]
 
-STATISTICS = {
-    "mean": "Mean",
-    "std": "Std",
-    "min": "Min",
-    "max": "Max",
-    "q25": "25 %",
-    "q50": "50 %",
-    "q75": "75 %",
-}
-
-SMALL = 0.1
-
 MOST_REASONS = 12
 """Kinds of reasons that a table lists."""
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])")
-
-METHODS = {"monte_carlo": "Monte Carlo", "quasi_monte_carlo": "randomised quasi-Monte Carlo"}
 
 
 def variable_table(study: Study) -> Table:
@@ -99,13 +81,25 @@ def analysis_table(study: Study) -> Table:
         model = analysis.model
         if getattr(analysis, "compare_with", None):
             model += f", {analysis.compare_with}"
-        if entry.kind == "optimisation":
-            what = f"{'greatest' if analysis.maximise else 'least'} {analysis.objective}"
-            what += f" by {', '.join(analysis.methods)}"
-        else:
-            what = f"{analysis.samples} samples"
-        rows.append((title_of(entry, i), entry.kind, model, what))
+        rows.append((title_of(entry, i), entry.kind, model, _what(entry.kind, analysis)))
     return Table.of("Analyses", ("Name", "Kind", "Model", "What"), rows, "lsll")
+
+
+def _what(kind: str, analysis: Any) -> str:  # noqa: ANN401 - an entry of any kind
+    """Return what an analysis asks, in a few words."""
+    if kind in {"optimisation", "robust"}:
+        methods = analysis.methods if kind == "optimisation" else (analysis.method,)
+        return f"{'greatest' if analysis.maximise else 'least'} {analysis.objective} by {', '.join(methods)}"
+    if kind == "morris":
+        return f"{analysis.trajectories} trajectories"
+    if kind == "inverse":
+        return f"inputs for {', '.join(analysis.targets)}"
+    if kind == "calibration":
+        n_states = len(next(iter(analysis.measurements.values())))
+        return f"{n_states} measured states"
+    if kind == "sensitivity" and analysis.method == "chaos":
+        return "in closed form, from the expansion"
+    return f"{analysis.samples} samples"
 
 
 def title_of(entry: AnalysisEntry, number: int) -> str:
@@ -215,101 +209,6 @@ def validation_table(results: "Results") -> Table:
     return Table.of("Errors of the surrogates", (*header, "Runs", "Time\n[s]"), rows, "ssrrrrrrr", note)
 
 
-def result_tables(results: "Results") -> list[Table]:
-    """Return the table of each analysis; the methods of one optimisation share a table."""
-    tables: list[Table] = []
-    for group in grouped(results.analyses):
-        if group[0].kind == "propagation":
-            tables.append(propagation_table(group[0]))
-        elif group[0].kind == "sensitivity":
-            tables.append(sensitivity_table(group[0]))
-        else:
-            tables.append(optimum_table(group))
-    return tables
-
-
-def grouped(analyses: "tuple[StoredAnalysis, ...]") -> "list[list[StoredAnalysis]]":
-    """Return the results of each entry of the study."""
-    groups: dict[int, list[StoredAnalysis]] = {}
-    for analysis in analyses:
-        groups.setdefault(analysis.entry, []).append(analysis)
-    return list(groups.values())
-
-
-def propagation_table(analysis: "StoredAnalysis") -> Table:
-    """List the paper's statistics (its Table 2), a row per output and model."""
-    content = analysis.content
-    models = [content, *([content["other"]] if content["other"] else [])]
-    rows = []
-    for output, summary in content["outputs"].items():
-        for model in models:
-            statistics = model["outputs"][output]["statistics"]
-            values = [_number(statistics[key]["value"]) for key in STATISTICS]
-            # A small number has zeros before its digits; the table is as wide as a terminal.
-            digits = 5 if max(map(abs, values)) >= SMALL else 4
-            rows.append((labelled(output, summary["unit"]), model["model"], *aligned(values, digits)))
-    note = f"{content['n_samples']} samples, {METHODS.get(content['method'], content['method'])}"
-    for model in models:
-        if model["n_failed"]:
-            note += f"; {model['n_failed']} runs of {model['model']} failed"
-        if model["n_outside"]:
-            note += f"; {model['n_outside']} outside the box of {model['model']}"
-    return Table.of(analysis.name, ("Output", "Model", *STATISTICS.values()), rows, "ss" + 7 * "r", note)
-
-
-def sensitivity_table(analysis: "StoredAnalysis") -> Table:
-    """List first-order and total indices with the half-widths of their intervals."""
-    content = analysis.content
-    rows = []
-    for output, found in content["indices"].items():
-        for i, variable in enumerate(content["input_names"]):
-            cells = [
-                " ± ".join(_three_decimals(found[key][i]) for key in (order, f"{order}_half"))
-                for order in ("first", "total")
-            ]
-            rows.append((output if i == 0 else "", variable, *cells))
-    note = f"{content['n_base']} base points, {content['n_runs']} runs of {content['model']}"
-    if content["share_dropped"]:
-        note += f"; {100 * content['share_dropped']:.2g} % of the blocks dropped for failed runs"
-    note += f"; ± is the half-width of the {100 * content['confidence']:.0f} % interval"
-    return Table.of(analysis.name, ("Output", "Variable", "First order", "Total"), rows, "ssrr", note)
-
-
-def optimum_table(analyses: "Sequence[StoredAnalysis]") -> Table:
-    """List the optima of the methods, and what the true model says of each."""
-    contents = [analysis.content for analysis in analyses]
-    first = contents[0]
-    units = first["units"]
-    rows: list[tuple[object, ...]] = [
-        (
-            labelled(name, units.get(name, "")),
-            *_on_bounds([content["inputs"][name] for content in contents], bounds),
-        )
-        for name, bounds in zip(first["input_names"], first["bounds"], strict=True)
-    ]
-    labels: list[tuple[str, list[float | None]]] = []
-    labels.append(("objective", [content["objective"] for content in contents]))
-    labels.append(("objective, true model", [content["true_objective"] for content in contents]))
-    for name in first["outputs"]:
-        text = labelled(name, units.get(name, ""))
-        labels.append((text, [content["outputs"][name] for content in contents]))
-        true = [(content["true_outputs"] or {}).get(name) for content in contents]
-        labels.append((f"{text}, true model", true))
-    rows += [(label, *map(number, values)) for label, values in labels]
-    rows.append(("status, true model", *(content["true_status"] or "" for content in contents)))
-    if first["constraints"]:
-        kept = {True: "hold", False: "do not hold", None: "–"}
-        rows.append(("constraints, true model", *(kept[content["true_feasible"]] for content in contents)))
-    rows.append(("evaluations", *(content["n_evaluations"] for content in contents)))
-    rows.append(("time [s]", *(f"{content['seconds']:.1f}" for content in contents)))
-    constraints = f" subject to {', '.join(first['constraints'])}" if first["constraints"] else ""
-    note = (
-        f"{'Greatest' if first['maximise'] else 'Least'} {first['formula']}{constraints} on {first['model']}"
-    )
-    methods = [content["method"] for content in contents]
-    return Table.of(analyses[0].name, ("", *methods), rows, "s" + len(methods) * "r", note)
-
-
 def agreement_table(selection: Selection) -> Table:
     """Set the solver's status beside the groups that the outputs form."""
     table = selection.table
@@ -367,16 +266,6 @@ def law_in_words(law: Any) -> str:  # noqa: ANN401 - a Distribution
     return f"{law.kind}({', '.join(shown)})"
 
 
-def _three_decimals(value: float | None) -> str:
-    return number(value) if value is None else f"{round(value, 3) + 0.0:.3f}"
-
-
-def _on_bounds(values: list[float], bounds: Sequence[float]) -> list[str]:
-    """Return inputs to six digits of their box: what is rounding beside the box is zero."""
-    decimals = 6 - floor(log10(max(bounds[1] - bounds[0], 1e-300)))
-    return [number(round(value, decimals) + 0.0) for value in values]
-
-
 def _words(name: str) -> str:
     return name.replace("_", " ")
 
@@ -388,7 +277,3 @@ def _near_one(value: float) -> str:
 
 def _finite(value: float) -> float | None:
     return float(value) if isfinite(value) else None
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else value

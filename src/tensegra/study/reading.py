@@ -20,6 +20,7 @@ from tensegra.study.analyses import require_known_names
 from tensegra.study.derivatives import DIFFERENTIABLE
 from tensegra.study.distributions import with_plain_numbers
 from tensegra.study.entry import parse_entry
+from tensegra.study.measurements import read_columns
 from tensegra.study.outputs import bind_output
 from tensegra.study.points import read_points
 from tensegra.study.sampling import FileDesign, require_variables
@@ -193,7 +194,7 @@ def _plain_laws(content: dict[str, Any], structure: Structure, source: str, fold
     }
     if isinstance(content.get("analyses"), list):
         content["analyses"] = [
-            _plain_inputs(entry, converted, f"{source} analyses[{i}]")
+            _plain_analysis(entry, converted, folder, f"{source} analyses[{i}]")
             for i, entry in enumerate(content["analyses"])
         ]
     return content
@@ -206,17 +207,35 @@ def _converter(kind: str, structure: Structure, folder: Path) -> Callable[[objec
     return lambda law, place: with_plain_numbers(law, number, folder, place)
 
 
-def _plain_inputs(entry: object, converted: Callable[[str, object, str], object], place: str) -> object:
+def _plain_analysis(
+    entry: object, converted: Callable[[str, object, str], object], folder: Path, place: str
+) -> object:
+    """Return an analysis with laws in plain numbers, and measurements read in."""
     if not isinstance(entry, Mapping) or len(entry) != 1:
         return entry
     ((kind, analysis),) = entry.items()
-    if not isinstance(analysis, Mapping) or not isinstance(analysis.get("inputs"), Mapping):
+    if not isinstance(analysis, Mapping):
         return entry
-    inputs = {
-        name: converted(name, law, f"{place}.{kind}.inputs.{name}")
-        for name, law in analysis["inputs"].items()
-    }
-    return {kind: {**analysis, "inputs": inputs}}
+    changed = dict(analysis)
+    for key in ("inputs", "errors"):
+        changed |= _plain_inputs(analysis, key, converted, f"{place}.{kind}")
+    if isinstance(analysis.get("predict"), Mapping):
+        predict = analysis["predict"]
+        plain = _plain_inputs(predict, "inputs", converted, f"{place}.{kind}.predict")
+        changed["predict"] = {**predict, **plain}
+    if isinstance(analysis.get("measurements"), str):
+        where = f"{place}.{kind}.measurements"
+        changed["measurements"] = read_columns(folder / analysis["measurements"], where)
+    return {kind: changed}
+
+
+def _plain_inputs(
+    analysis: Mapping[str, Any], key: str, converted: Callable[[str, object, str], object], place: str
+) -> dict[str, object]:
+    laws = analysis.get(key)
+    if not isinstance(laws, Mapping):
+        return {}
+    return {key: {name: converted(name, law, f"{place}.{key}.{name}") for name, law in laws.items()}}
 
 
 def _require_names(names: Iterable[str], file: StudyFile, source: str) -> None:

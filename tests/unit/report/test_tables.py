@@ -8,13 +8,8 @@ from hypothesis import strategies as st
 
 from tensegra.errors import ModelError
 from tensegra.mechanics import solve_path
-from tensegra.report.study_tables import (
-    optimum_table,
-    propagation_table,
-    reason_table,
-    result_tables,
-    validation_table,
-)
+from tensegra.report.analysis_tables import optimum_table, propagation_table, result_tables
+from tensegra.report.study_tables import reason_table, validation_table
 from tensegra.report.tables import (
     Table,
     aligned,

@@ -31,7 +31,7 @@ def propagation_figure(content: Content) -> "Figure":
     top, bottom = parts
     for i, summary in enumerate(inputs):
         axes = top.add_subplot(input_rows, min(len(inputs), 5), i + 1)
-        _histogram(axes, summary, GREY, filled=True)
+        histogram(axes, summary, GREY, filled=True)
         axes.set_xlabel(labelled(summary["name"], summary["unit"]))
         axes.set_yticks([])
         axes.locator_params(axis="x", nbins=3)
@@ -42,7 +42,7 @@ def propagation_figure(content: Content) -> "Figure":
         axes = bottom.add_subplot(-(-len(outputs) // columns), min(columns, len(outputs)), k + 1)
         for m, model in enumerate(models):
             shown = model["outputs"][summary["name"]]
-            _histogram(axes, shown, COLOURS[m], filled=m == 0, label=model["model"])
+            histogram(axes, shown, COLOURS[m], filled=m == 0, label=model["model"])
             density = shown["density"]
             style = "-" if m == 0 else "--"
             axes.plot(
@@ -68,12 +68,12 @@ def index_figure(content: Content) -> "Figure":
     place = np.arange(len(variables))
     for axes, (output, found) in zip(panels, content["indices"].items(), strict=True):
         for shift, order, colour in ((-0.2, "first", COLOURS[0]), (0.2, "total", COLOURS[3])):
-            heights = _numbers(found[order])
+            heights = numbers(found[order])
             axes.bar(
                 place + shift,
                 heights,
                 0.38,
-                yerr=_numbers(found[f"{order}_half"]),
+                yerr=numbers(found[f"{order}_half"]),
                 color=colour,
                 ecolor="#404040",
                 error_kw={"elinewidth": 0.9, "capsize": 2},
@@ -95,8 +95,8 @@ def index_convergence(content: Content) -> "Figure":
     sizes = np.array(content["sizes"], dtype=float)
     for axes, (output, steps) in zip(panels, content["convergence"].items(), strict=True):
         for i, variable in enumerate(content["input_names"]):
-            total = np.array([_numbers(step["total"])[i] for step in steps])
-            half = np.array([_numbers(step["total_half"])[i] for step in steps])
+            total = np.array([numbers(step["total"])[i] for step in steps])
+            half = np.array([numbers(step["total_half"])[i] for step in steps])
             axes.plot(sizes, total, "o-", markersize=3, color=COLOURS[i % len(COLOURS)], label=variable)
             axes.fill_between(
                 sizes, total - half, total + half, color=COLOURS[i % len(COLOURS)], alpha=0.15, linewidth=0
@@ -113,7 +113,7 @@ def index_convergence(content: Content) -> "Figure":
 @styled
 def search_figure(contents: Sequence[Content], traces: "Sequence[pd.DataFrame]") -> "Figure":
     """Draw the best objective over the evaluations, a panel per method."""
-    made, panels = grid(len(contents), height=2.4)
+    made, panels = grid(len(contents), columns=2 if len(contents) == 4 else 3, height=2.4)
     for m, (axes, content, trace) in enumerate(zip(panels, contents, traces, strict=True)):
         step = max(1, len(trace) // 3000)
         shown = trace.iloc[::step]
@@ -149,8 +149,8 @@ def search_figure(contents: Sequence[Content], traces: "Sequence[pd.DataFrame]")
 def visited_figure(contents: Sequence[Content], traces: "Sequence[pd.DataFrame]") -> "Figure":
     """Draw histograms of the objective and of each input over all visited solutions, by method."""
     first = contents[0]
-    names = [*first["input_names"], "objective"]
     bounds = dict(zip(first["input_names"], first["bounds"], strict=True))
+    names = [*(name for name, (low, high) in bounds.items() if low < high), "objective"]
     finite = np.concatenate([trace["objective"].to_numpy() for trace in traces])
     finite = finite[np.isfinite(finite)]
     bounds["objective"] = [finite.min(), finite.max()] if len(finite) else [0.0, 1.0]
@@ -179,9 +179,8 @@ def visited_figure(contents: Sequence[Content], traces: "Sequence[pd.DataFrame]"
     return made
 
 
-def _histogram(
-    axes: "Axes", summary: Content, colour: str, *, filled: bool, label: str | None = None
-) -> None:
+def histogram(axes: "Axes", summary: Content, colour: str, *, filled: bool, label: str | None = None) -> None:
+    """Draw the histogram of a summary as a density."""
     edges = np.array(summary["histogram"]["edges"], dtype=float)
     counts = np.array(summary["histogram"]["counts"], dtype=float)
     heights = counts / max(counts.sum(), 1.0) / np.diff(edges)
@@ -195,6 +194,6 @@ def _density_label(unit: str) -> str:
     return f"density [1/{unit}]" if unit else "density"
 
 
-def _numbers(values: Sequence[float | None]) -> np.ndarray:
+def numbers(values: Sequence[float | None]) -> np.ndarray:
     """Return numbers with NaN for null."""
     return np.array([np.nan if value is None else value for value in values], dtype=float)

@@ -1,0 +1,199 @@
+"""The inverse problem: the inputs that bring outputs to targets, along a whole trajectory.
+
+At each waypoint the misfit to the targets is made smallest within the bounds, by a dogleg method for least
+squares with exact derivatives (Voglis & Lagaris 2004). Where inputs are more than targets, many
+would do; a weak pull towards the waypoint before picks the nearest, so that the trajectory is continuous. The
+first waypoint is sought from many starts. Then the errors of the inputs are propagated at every waypoint: the
+interval that the outputs will really lie in. With a surrogate, its own uncertainty is part of it, and the
+true model solves every waypoint again.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensegra.analysis.model import Model, as_model, column_index
+from tensegra.analysis.scatter import Scatter, scatter
+from tensegra.analysis.trajectory import Trajectory
+from tensegra.analysis.truth import TrueModel
+from tensegra.analysis.waypoints import REACHED, WaypointSearch, conditions_of
+from tensegra.errors import StudyError
+
+Array = NDArray[np.float64]
+
+# Draws of a surrogate's own error where nothing else scatters.
+N_OF_MODEL = 256
+
+
+def reach(
+    model: object,
+    targets: Mapping[str, ArrayLike],
+    *,
+    bounds: Mapping[str, Sequence[float]] | None = None,
+    errors: Mapping[str, object] | None = None,
+    inputs: Mapping[str, object] | None = None,
+    constraints: Sequence[str] = (),
+    tolerance: float | Mapping[str, float] | None = None,
+    starts: int = 20,
+    samples: int = 256,
+    seed: int = 0,
+    confidence: float = 0.90,
+    true_model: object | None = None,
+    name: str = "inverse",
+    progress: Callable[[int, int], None] | None = None,
+) -> Trajectory:
+    """Find the inputs that bring outputs to targets, along a trajectory.
+
+    Parameters
+    ----------
+    model
+        A `Model`, a surrogate or a study (the true model).
+    targets
+        By output, such as the coordinate of a named node: its value at every waypoint, shape (n_waypoints,);
+        a number is held all along. NaN leaves an output free at a waypoint.
+    bounds
+        By designed input, [lower, upper]; the model's own box for the rest.
+    errors
+        By designed input: the law of the error that adds to it; ``{"same_as": name}`` for a shared one.
+    inputs
+        By input that is not designed: its law, or a number.
+    constraints
+        Comparisons of formulas over inputs and outputs, such as ``"lowest_eigenvalue >= 1e-3"``, to be kept
+        at every waypoint.
+    tolerance
+        How far an output may miss its target, for all or by output; a thousandth of its scale unless given.
+    starts
+        Starts of the search at the first waypoint, a Latin hypercube.
+    samples, confidence
+        Of the errors at each waypoint; level of the intervals.
+    seed, true_model, name, progress
+        Of the random numbers; solves the waypoints again; of the result; called with (waypoints done, all).
+
+    Raises
+    ------
+    StudyError
+        If the problem cannot be stated so, or the model fails at every start.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensegra.analysis import FunctionModel, reach
+    >>> arm = FunctionModel(
+    ...     lambda X: np.stack([np.cos(X).sum(axis=1), np.sin(X).sum(axis=1)], axis=1),
+    ...     ("shoulder", "elbow"), ("x", "y"), np.array([[0.0, 1.5], [0.0, 3.0]]))
+    >>> path = reach(arm, {"x": [1.5, 1.2], "y": 1.0}, errors={"elbow": {"normal": {"mean": 0, "std": 0.01}}})
+    >>> path.success, bool((path.low < path.outputs).all() and (path.outputs < path.high).all())
+    (True, True)
+    """
+    asked = as_model(model)
+    wanted = _waypoints(targets)
+    conditions = conditions_of(asked, constraints)
+    used = {name for condition in conditions for name in condition.margin.names} | set(targets)
+    if isinstance(asked, TrueModel):
+        of = tuple(name for name in asked.output_names if name in used)
+        asked = replace(asked, ahead=True, of=of)
+    columns = column_index(asked.output_names, tuple(targets), "inverse.targets")
+    around = _scatter(asked, dict(errors or {}), dict(inputs or {}))
+    search = WaypointSearch.of(
+        asked, columns, conditions, around, inputs or {}, bounds or {}, starts=starts, seed=seed
+    )
+    x, found = search.begin(wanted[0]), []
+    for i, target in enumerate(wanted):
+        x = search.solve(target, x)
+        found.append(x)
+        if progress is not None:
+            progress(i + 1, len(wanted))
+    X = np.array(found)
+    outputs = asked.evaluate(search.inputs(X)).values[:, columns]
+    allowed = _tolerance(tolerance, tuple(targets), search.scales)
+    draws = None if around is None else around.draw(samples, seed)
+    low, high, n_failed = _intervals(search, draws, X, outputs, seed, confidence)
+    result = Trajectory(
+        name=name,
+        model=asked.name,
+        seed=seed,
+        confidence=confidence,
+        tolerance=tuple(allowed.tolist()),
+        input_names=search.design_names,
+        x=X,
+        bounds=search.box,
+        target_names=tuple(targets),
+        targets=wanted,
+        outputs=outputs,
+        reached=_holds(outputs, wanted, allowed) & search.keeps(X),
+        low=low,
+        high=high,
+        laws={} if around is None else around.laws.describe(),
+        n_samples=0 if around is None else samples,
+        n_failed=n_failed,
+        units=dict(asked.units),
+    )
+    if true_model is None:
+        return result
+    truth = as_model(true_model)
+    again = truth.evaluate(search.inputs(X))
+    place = column_index(truth.output_names, tuple(targets), "inverse.true_model")
+    return replace(result, true_status=tuple(again.status.tolist()), true_outputs=again.values[:, place])
+
+
+def _waypoints(targets: Mapping[str, ArrayLike]) -> Array:
+    """Return the targets (n_waypoints, n_targets), NaN where an output is free."""
+    if not targets:
+        raise StudyError.at("inverse.targets", {}, "a target for at least one output")
+    columns = [np.atleast_1d(np.asarray(values, dtype=float)) for values in targets.values()]
+    n = max(column.size for column in columns)
+    for name, column in zip(targets, columns, strict=True):
+        if column.ndim != 1 or column.size not in {1, n} or np.isinf(column).any():
+            raise StudyError.at(f"inverse.targets.{name}", list(column.shape), f"one finite number, or {n}")
+    return np.stack([np.broadcast_to(column, (n,)) for column in columns], axis=1)
+
+
+def _scatter(model: Model, errors: dict[str, object], inputs: dict[str, object]) -> Scatter | None:
+    """Return what scatters, or None where nothing does."""
+    if not errors and all(isinstance(value, int | float) for value in inputs.values()):
+        return None
+    return scatter(model, errors, inputs)
+
+
+def _tolerance(tolerance: float | Mapping[str, float] | None, names: tuple[str, ...], scales: Array) -> Array:
+    given = tolerance if isinstance(tolerance, Mapping) else dict.fromkeys(names, tolerance)
+    column_index(names, tuple(given), "inverse.tolerance")
+    found = []
+    for name, scale in zip(names, scales, strict=True):
+        value = given.get(name)
+        if value is not None and not value > 0.0:
+            raise StudyError.at("inverse.tolerance", value, "a positive number")
+        found.append(REACHED * scale if value is None else value)
+    return np.array(found, dtype=float)
+
+
+def _holds(outputs: Array, targets: Array, allowed: Array) -> NDArray[np.bool_]:
+    missed = np.where(np.isnan(targets), 0.0, np.abs(outputs - targets))
+    return np.asarray((missed <= allowed).all(axis=1))
+
+
+def _intervals(
+    search: WaypointSearch, draws: Array | None, X: Array, outputs: Array, seed: int, confidence: float
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Return the ends of the intervals (n_waypoints, n_targets), and how many samples failed."""
+    model, rng = search.model, np.random.default_rng(seed)
+    levels = np.array([0.5 - confidence / 2, 0.5 + confidence / 2])
+    ends, failed = [], []
+    for x, output in zip(X, outputs, strict=True):
+        own = search.inputs(x[None])
+        inputs = own if draws is None or search.around is None else search.around.around(x[None], draws)[0]
+        found = np.tile(output, (1, 1)) if draws is None else model.evaluate(inputs).values[:, search.columns]
+        std = model.uncertainty(inputs)
+        if std is not None:
+            n = max(len(found), N_OF_MODEL)
+            found = np.resize(found, (n, found.shape[1]))
+            found = found + np.resize(std[:, search.columns], found.shape) * rng.standard_normal(found.shape)
+        good = np.isfinite(found).all(axis=1)
+        failed.append(int((~good).sum()))
+        ends.append(
+            np.quantile(found[good], levels, axis=0) if good.any() else np.full((2, output.size), np.nan)
+        )
+    low, high = np.swapaxes(np.array(ends), 0, 1)
+    return low, high, np.array(failed, dtype=np.intp)

@@ -1,0 +1,217 @@
+"""Figures of screening, robust optima, trajectories and calibrations."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tensegra.report.figures.analysis import histogram, numbers
+from tensegra.report.figures.style import COLOURS, GREY, WIDTH, figure, grid, legend_above, styled
+from tensegra.report.tables import labelled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "fit_figure",
+    "marginal_figure",
+    "prediction_figure",
+    "robust_figure",
+    "screening_figure",
+    "trajectory_figure",
+]
+
+Content = Mapping[str, Any]
+
+MOST_BARS = 20
+"""Inputs that a screening draws; the others are weaker."""
+
+
+@styled
+def screening_figure(content: Content) -> "Figure":
+    """Draw the mean magnitude of the elementary effects, the strongest inputs first, with their spread."""
+    shown = min(len(content["input_names"]), MOST_BARS)
+    made, panels = grid(len(content["effects"]), height=1.2 + 0.2 * shown)
+    for axes, (output, found) in zip(panels, content["effects"].items(), strict=True):
+        strength, half, spread = (numbers(found[key]) for key in ("mu_star", "mu_star_half", "sigma"))
+        order = np.argsort(-np.nan_to_num(strength), kind="stable")[:shown][::-1]
+        place = np.arange(len(order))
+        axes.barh(
+            place,
+            strength[order],
+            0.62,
+            xerr=half[order],
+            color=COLOURS[0],
+            ecolor="#404040",
+            error_kw={"elinewidth": 0.9, "capsize": 2},
+            label="μ*, mean magnitude",
+        )
+        axes.plot(spread[order], place, "D", markersize=4, color=COLOURS[1], label="σ, spread")
+        axes.set_yticks(place, [content["input_names"][i] for i in order])
+        axes.grid(visible=False, axis="y")
+        axes.set_xlim(left=0.0)
+        axes.locator_params(axis="x", nbins=5)
+        axes.set_xlabel(f"effect on {labelled(output, found['unit'])}")
+    legend_above(made, panels[0])
+    return made
+
+
+@styled
+def robust_figure(content: Content) -> "Figure":
+    """Draw what comes of the robust and of the nominal design: the objective and each constraint's margin."""
+    names = [content["formula"], *(f"margin of {constraint}" for constraint in content["constraints"])]
+    made, panels = grid(len(names), height=2.5)
+    for axes, name in zip(panels, names, strict=True):
+        for colour, design in zip(COLOURS, ("robust", "nominal"), strict=False):
+            spread = content["spreads"][design]
+            histogram(axes, spread["outputs"][name], colour, filled=True, label=design)
+            if spread["other"]:
+                density = spread["other"]["outputs"][name]["density"]
+                label = f"{design}, {spread['other']['model']}"
+                axes.plot(density["grid"], density["values"], "--", color=colour, label=label)
+        axes.set_xlabel(labelled(name, content["robust"]["units"].get(name, "")))
+        axes.locator_params(axis="x", nbins=5)
+        if name != content["formula"]:
+            axes.axvline(0.0, color="#404040", linewidth=0.9)
+    panels[0].set_ylabel("density")
+    legend_above(made, panels[0])
+    return made
+
+
+@styled
+def trajectory_figure(content: Content) -> "Figure":
+    """Draw the inputs along the trajectory, and how far each output is from its targets and may be."""
+    units, inputs, outputs = content["units"], content["input_names"], content["target_names"]
+    made, panels = grid(1 + len(outputs), height=2.5)
+    steps = np.arange(1, len(content["x"]) + 1)
+    X = np.array(content["x"], dtype=float)
+    for i, name in enumerate(inputs):
+        axes_label = labelled(name, units.get(name, ""))
+        panels[0].plot(
+            steps, X[:, i], "o-", markersize=3.5, color=COLOURS[i % len(COLOURS)], label=axes_label
+        )
+    panels[0].set_ylabel("inputs")
+    panels[0].legend(loc="best")
+    for k, (axes, name) in enumerate(zip(panels[1:], outputs, strict=True)):
+        target = _column(content["targets"], k)
+        low, high, reached = (_column(content[key], k) - target for key in ("low", "high", "outputs"))
+        share = f"{100 * content['confidence']:.0f} % interval"
+        axes.fill_between(steps, low, high, color=COLOURS[0], alpha=0.2, linewidth=0, label=share)
+        axes.plot(
+            steps, reached, "o-", markersize=3.5, color=COLOURS[0], label=f"reached, {content['model']}"
+        )
+        if content["true_outputs"]:
+            missed = _column(content["true_outputs"], k) - target
+            axes.plot(steps, missed, "x", markersize=5, color=COLOURS[1], label="true model")
+        axes.axhline(0.0, color="#404040", linewidth=0.8)
+        axes.set_ylabel(labelled(f"{name} − target", units.get(name, "")))
+    for axes in panels:
+        axes.set_xlabel("waypoint")
+        axes.locator_params(axis="x", nbins=6, integer=True)
+    legend_above(made, panels[1])
+    return made
+
+
+@styled
+def marginal_figure(content: Content) -> "Figure":
+    """Draw prior and posterior of each parameter, and below the pairs of parameters."""
+    parameters, units = content["parameters"], content["units"]
+    draws, prior = np.array(content["draws"], dtype=float), np.array(content["prior_draws"], dtype=float)
+    p = len(parameters)
+    pairs = [(i, j) for j in range(p) for i in range(j)][:6]
+    columns = min(3, max(p, 1))
+    rows = -(-p // columns) + -(-len(pairs) // columns)
+    made = figure(2.2 * rows, WIDTH if columns > 1 else 0.6 * WIDTH)
+    for k, parameter in enumerate(parameters):
+        axes = made.add_subplot(rows, columns, k + 1)
+        _bars(axes, prior[:, k], GREY, "prior")
+        _bars(axes, draws[:, k], COLOURS[0], "posterior")
+        axes.axvspan(parameter["low"], parameter["high"], color=COLOURS[0], alpha=0.12, linewidth=0)
+        axes.set_xlabel(labelled(parameter["name"], units.get(parameter["name"], "")))
+        axes.set_yticks([])
+        axes.locator_params(axis="x", nbins=4)
+        if k % columns == 0:
+            axes.set_ylabel("density")
+    first = columns * -(-p // columns)
+    for m, (i, j) in enumerate(pairs):
+        axes = made.add_subplot(rows, columns, first + m + 1)
+        axes.plot(draws[:, i], draws[:, j], ".", markersize=2.5, alpha=0.4, color=COLOURS[0], rasterized=True)
+        names = [parameters[k]["name"] for k in (i, j)]
+        axes.set_xlabel(labelled(names[0], units.get(names[0], "")))
+        axes.set_ylabel(labelled(names[1], units.get(names[1], "")))
+        axes.locator_params(nbins=4)
+    legend_above(made, made.axes[0])
+    return made
+
+
+@styled
+def fit_figure(content: Content) -> "Figure":
+    """Draw how far the measurements lie from what the posterior predicts, and how far they may."""
+    found, units = content["prediction"], content["units"]
+    made, panels = grid(len(found["outputs"]), height=2.4)
+    along, label = _abscissa(found, units)
+    for k, (axes, output) in enumerate(zip(panels, found["outputs"], strict=True)):
+        mean, stds = _column(found["mean"], k), _column(found["stds"], k)
+        low, high, measured = (_column(found[key], k) - mean for key in ("low", "high", "measured"))
+        share = f"{100 * content['confidence']:.0f} % interval of a new measurement"
+        axes.vlines(along, low, high, color=COLOURS[0], alpha=0.35, linewidth=5, label=share)
+        axes.errorbar(
+            along,
+            measured,
+            stds,
+            fmt="o",
+            markersize=3.5,
+            color="black",
+            elinewidth=0.9,
+            capsize=2,
+            label="measured ± std",
+        )
+        if found["true"]:
+            departure = np.where(np.isfinite(measured), _column(found["true"], k) - mean, np.nan)
+            axes.plot(along, departure, "x", color=COLOURS[1], label="true model")
+        axes.axhline(0.0, color="#404040", linewidth=0.8)
+        axes.set_xlabel(label)
+        axes.set_ylabel(labelled(f"{output} − predicted", units.get(output, "")))
+        axes.locator_params(axis="x", nbins=5)
+        axes.margins(x=0.12)
+    legend_above(made, panels[0])
+    return made
+
+
+@styled
+def prediction_figure(contents: Sequence[Content]) -> "Figure":
+    """Draw the outputs predicted from the prior and from the posterior."""
+    prior, posterior = contents
+    made, panels = grid(len(posterior["outputs"]), height=2.3)
+    for axes, (name, summary) in zip(panels, posterior["outputs"].items(), strict=True):
+        histogram(axes, prior["outputs"][name], GREY, filled=True, label="from the prior")
+        histogram(axes, summary, COLOURS[0], filled=True, label="from the posterior")
+        centre, std = (prior["outputs"][name]["statistics"][key]["value"] for key in ("mean", "std"))
+        if std:  # the extremes of many samples would leave the rest a line
+            axes.set_xlim(centre - 4 * std, centre + 4 * std)
+        axes.set_xlabel(labelled(name, summary["unit"]))
+        axes.locator_params(axis="x", nbins=5)
+        axes.set_yticks([])
+    panels[0].set_ylabel("density")
+    legend_above(made, panels[0])
+    return made
+
+
+def _abscissa(found: Content, units: Mapping[str, str]) -> tuple[np.ndarray, str]:
+    """Return what to draw the measured states over: the one known input that varies, or their number."""
+    varied = {name: column for name, column in found["known"].items() if len(set(column)) > 1}
+    if len(varied) == 1:
+        ((name, column),) = varied.items()
+        return np.array(column, dtype=float), labelled(name, units.get(name, ""))
+    return np.arange(1.0, len(found["measured"]) + 1.0), "measured state"
+
+
+def _bars(axes: "Axes", values: np.ndarray, colour: str, label: str) -> None:
+    heights, edges = np.histogram(values, 30, density=True)
+    axes.stairs(heights, edges, fill=True, color=colour, alpha=0.45, label=label)
+
+
+def _column(rows: Sequence[Sequence[float | None]], k: int) -> np.ndarray:
+    """Return a column with NaN for null."""
+    return numbers([row[k] for row in rows])
