@@ -126,7 +126,7 @@ def test_an_address_that_cannot_be_is_told(address):
 def test_a_scheduler_that_dies_is_told(tmp_path):
     pytest.importorskip("distributed")
     with worker_tasks.scheduler_and_worker(tmp_path) as (address, scheduler):
-        results = Dask(scheduler=address, patience=5.0).map(worker_tasks.wait_a_little, count())
+        results = Dask(scheduler=address, patience=60.0).map(worker_tasks.wait_a_little, count())
         next(results)
         os.kill(scheduler.pid, signal.SIGKILL)
         with pytest.raises(StudyError, match=r"the scheduler is gone.* run again to go on"):
