@@ -6,7 +6,7 @@ is lost.
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,6 @@ from tensegra.mechanics.arrays import (
     IndexArray,
     StructureArrays,
     path_lengths,
-    segment_spans,
     structure_arrays,
 )
 from tensegra.mechanics.derivatives import (
@@ -36,7 +35,6 @@ from tensegra.mechanics.inputs import (
     StageInputs,
     actuation_inputs,
     effective_rest_length,
-    initial_inputs,
     nodal_forces,
     stage_inputs,
 )
@@ -170,7 +168,9 @@ def _in_lockstep(
     if not solver.serves:
         return block, done
     if variants.vary:
-        block.start[:], done = _stages_in_lockstep(structure, arrays, solver, n_runs)
+        if base.equilibria[0].status is not Status.STABLE:
+            return block, done  # the others may well not fall
+        block.start[:], done = _stages_in_lockstep(base, arrays, solver, n_runs)
     else:
         done[:] = True
     stage, after = actuation_inputs(structure, arrays, _inputs_before(structure, arrays), inputs)
@@ -193,32 +193,38 @@ def _in_lockstep(
 
 
 def _stages_in_lockstep(
-    structure: Structure, arrays: StructureArrays, solver: LockstepSolver, n_runs: int
+    base: Prepared, arrays: StructureArrays, solver: LockstepSolver, n_runs: int
 ) -> tuple[FloatArray, BoolArray]:
     """Take the varied structures through their stages; return the positions and which runs got there."""
     done = np.ones(n_runs, dtype=np.bool_)
-    before, nodes = initial_inputs(arrays), arrays.coordinates[None]
-    for index, (_, after) in enumerate(stage_targets(structure, arrays)):
-        stage = stage_inputs(arrays, before, after)
-        if index == 0:
-            stage = stage.balanced_by(_internal_forces(arrays, stage.rest_length[..., 0]))
+    targets = [after for _, after in stage_targets(base.structure, arrays)]
+    stage, nodes = _first_stage(base, arrays, targets[0]), base.equilibria[0].nodes[None]
+    for before, after in zip(targets, [*targets[1:], None], strict=True):
         outcome = solver.follow(stage, nodes, n_runs)
         done &= outcome.done > 0
-        before, nodes = after, outcome.nodes.reshape(n_runs, -1, 3)
+        nodes = outcome.nodes.reshape(n_runs, -1, 3)
+        if after is not None:
+            stage = stage_inputs(arrays, before, after)
     return nodes, done
 
 
-def _internal_forces(arrays: StructureArrays, rest_length: FloatArray) -> FloatArray:
-    """Return the forces of all members at the given coordinates, ``(n_runs, n_nodes, 3)``."""
-    first, second = arrays.segment_nodes.T
-    along, lengths = segment_spans(arrays, arrays.coordinates)
-    tension = arrays.stiffness * (path_lengths(arrays, arrays.coordinates) / rest_length - 1.0)
-    tension = np.where(arrays.is_cable, np.maximum(tension, 0.0), tension)
-    pull = np.repeat(tension, arrays.n_segments, axis=-1)[..., None] * (along / lengths[:, None])
-    force = np.zeros((arrays.n_nodes, *tension.shape[:-1], 3))
-    np.add.at(force, second, np.moveaxis(pull, -2, 0))
-    np.subtract.at(force, first, np.moveaxis(pull, -2, 0))
-    return np.where(arrays.free, np.moveaxis(force, 0, -2), 0.0)
+def _first_stage(base: Prepared, arrays: StructureArrays, after: Inputs) -> StageInputs:
+    """Lead the varied structures from the first equilibrium of the given one to their own.
+
+    They begin at its positions with its tensions and loads: with the rest lengths that give these, which
+    then become their own. There a structure stands as the given one does. At the given coordinates it may
+    not, for it is stiffened by its prestress, and a modulus changes the tensions of the cables alone. (Only
+    if the path of the stage had a fold for some of the moduli between would its end be another one.)
+    """
+    (_, given), at = stage_targets(base.structure, base.arrays)[0], base.equilibria[0]
+    stage, length = stage_inputs(arrays, after, after), path_lengths(arrays, at.nodes)
+    own = stage.rest_length[..., 0]
+    lent = np.where(at.slack, np.maximum(own, length), length / (1.0 + at.tensions / arrays.stiffness))
+    return replace(
+        stage,
+        rest_length=np.stack([lent, own - lent, np.zeros_like(own)], axis=-1),
+        loads_start=nodal_forces(base.arrays, given),
+    )
 
 
 def _solver(
