@@ -31,4 +31,4 @@ def test_the_whole_study_of_the_beam(tmp_path):
     optima = [stored.content for stored in results.analyses if stored.kind == "optimisation"]
     assert max(o["objective"] for o in optima) - min(o["objective"] for o in optima) < 1e-4
     report = build_report(results)
-    assert sum(len(section.figures) for section in report.sections) == 13
+    assert sum(len(section.figures) for section in report.sections) == 14
