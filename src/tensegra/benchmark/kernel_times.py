@@ -7,8 +7,8 @@ import numpy as np
 from tensegra.benchmark.timing import one_blas_thread
 from tensegra.mechanics import kernels, tick
 from tensegra.mechanics.arrays import FloatArray, IndexArray
+from tensegra.mechanics.compiled import njit
 from tensegra.mechanics.inputs import effective_rest_length, nodal_forces
-from tensegra.mechanics.kernels import njit
 from tensegra.mechanics.lanes import WIDTH, load, store
 from tensegra.mechanics.lockstep_data import Lanes, Topology, lanes_for, topology_of
 from tensegra.mechanics.path import prepare

@@ -6,7 +6,7 @@ is lost.
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from tensegra.mechanics.arrays import (
     FloatArray,
     IndexArray,
     StructureArrays,
-    path_lengths,
     structure_arrays,
 )
 from tensegra.mechanics.derivatives import (
@@ -36,11 +35,13 @@ from tensegra.mechanics.inputs import (
     actuation_inputs,
     effective_rest_length,
     nodal_forces,
-    stage_inputs,
 )
+from tensegra.mechanics.lockstep_data import STANDS
+from tensegra.mechanics.lockstep_ends import Ending, collapses, stepped_ends
 from tensegra.mechanics.lockstep_solver import SOFT_MODES, LockstepSolver
+from tensegra.mechanics.lockstep_stages import follow_stage, reference_tensions, through_stages
 from tensegra.mechanics.path import Prepared, actuate, prepare, stage_targets
-from tensegra.mechanics.results import EquilibriumPath
+from tensegra.mechanics.results import Equilibrium, EquilibriumPath
 from tensegra.mechanics.status import Status
 from tensegra.mechanics.tangent import Tangent
 from tensegra.mechanics.variants import Variants, varied_arrays, varied_structure
@@ -99,16 +100,20 @@ class RunResults:
     ) -> None:
         """Take over one run that was followed alone, from the start of all runs or from its own."""
         final = path.final
-        self.status[run], self.reason[run] = str(path.status), path.reason
-        self.nodes[run], self.tensions[run], self.slack[run] = final.nodes, final.tensions, final.slack
-        self.residual[run], self.lowest_eigenvalue[run] = final.residual, final.lowest_eigenvalue
-        self.steps[run], self.iterations[run] = final.steps, final.iterations
+        self.take_end(run, final, str(path.status), path.reason)
         for q, (kind, name) in enumerate(parameters):
             if final.succeeded:
                 by = path.derivative(name, kind)
                 self.nodes_by[run, q], self.tensions_by[run, q] = by.nodes, by.tensions
         if own_start:
             self.start[run] = path.stages[-1].nodes
+
+    def take_end(self, run: int, final: Equilibrium, status: str, reason: str) -> None:
+        """Take over the equilibrium where one run ended."""
+        self.status[run], self.reason[run] = status, reason
+        self.nodes[run], self.tensions[run], self.slack[run] = final.nodes, final.tensions, final.slack
+        self.residual[run], self.lowest_eigenvalue[run] = final.residual, final.lowest_eigenvalue
+        self.steps[run], self.iterations[run] = final.steps, final.iterations
 
 
 def solve_block(
@@ -161,70 +166,44 @@ def _in_lockstep(
     done = np.zeros(n_runs, dtype=np.bool_)
     block = _empty(base, n_runs, n_runs if variants.vary else 1, len(parameters))
     last = base.equilibria[-1]
-    plain = base.settings.path == "adaptive" and last.succeeded
-    if not plain or n_runs == 0 or not (inputs.acts or variants.vary):
+    if not last.succeeded or n_runs == 0 or not (inputs.acts or variants.vary):
         return block, done
     solver = _solver(base.tangent, arrays, last.nodes, base.inputs, threads)
     if not solver.serves:
         return block, done
+    reference = reference_tensions([e.tensions for e in base.equilibria], base.arrays.stiffness)
     if variants.vary:
-        if base.equilibria[0].status is not Status.STABLE:
+        if base.settings.path == "adaptive" and base.equilibria[0].status is not Status.STABLE:
             return block, done  # the others may well not fall
-        block.start[:], done = _stages_in_lockstep(base, arrays, solver, n_runs)
+        block.start[:], reference, done = through_stages(base, arrays, solver, n_runs)
     else:
         done[:] = True
     stage, after = actuation_inputs(structure, arrays, _inputs_before(structure, arrays), inputs)
     given = Given(structure, arrays, after, inputs)
     directions = [direction_of(given, kind, name) for kind, name in parameters]
-    outcome = solver.follow(stage, block.start, n_runs, directions)
-    done &= outcome.done > 0
+    outcome = follow_stage(solver, stage, block.start, n_runs, base.settings, reference, directions)
     # Runs that vary the structure have come through its stages themselves, on a stable path.
     shared_stages = () if variants.vary else base.equilibria
     stable = all(equilibrium.status is Status.STABLE for equilibrium in shared_stages)
+    reasons = [equilibrium.reason for equilibrium in shared_stages if equilibrium.reason]
     block.status[:] = str(Status.STABLE if stable else Status.SNAPPED)
-    block.reason[:] = "; ".join(equilibrium.reason for equilibrium in shared_stages if equilibrium.reason)
+    block.reason[:] = "; ".join(reasons)
     block.nodes[:], block.tensions[:] = outcome.nodes.reshape(block.nodes.shape), outcome.tensions
     block.slack[:] = base.arrays.is_cable & (outcome.tensions == 0.0)
     block.residual[:], block.lowest_eigenvalue[:] = outcome.residual, outcome.lowest_eigenvalue
     block.steps[:], block.iterations[:] = outcome.steps, outcome.iterations
     block.nodes_by[:] = outcome.nodes_by.reshape(block.nodes_by.shape)
     block.tensions_by[:] = outcome.tensions_by
-    return block, done
-
-
-def _stages_in_lockstep(
-    base: Prepared, arrays: StructureArrays, solver: LockstepSolver, n_runs: int
-) -> tuple[FloatArray, BoolArray]:
-    """Take the varied structures through their stages; return the positions and which runs got there."""
-    done = np.ones(n_runs, dtype=np.bool_)
-    targets = [after for _, after in stage_targets(base.structure, arrays)]
-    stage, nodes = _first_stage(base, arrays, targets[0]), base.equilibria[0].nodes[None]
-    for before, after in zip(targets, [*targets[1:], None], strict=True):
-        outcome = solver.follow(stage, nodes, n_runs)
-        done &= outcome.done > 0
-        nodes = outcome.nodes.reshape(n_runs, -1, 3)
-        if after is not None:
-            stage = stage_inputs(arrays, before, after)
-    return nodes, done
-
-
-def _first_stage(base: Prepared, arrays: StructureArrays, after: Inputs) -> StageInputs:
-    """Lead the varied structures from the first equilibrium of the given one to their own.
-
-    They begin at its positions with its tensions and loads: with the rest lengths that give these, which
-    then become their own. There a structure stands as the given one does. At the given coordinates it may
-    not, for it is stiffened by its prestress, and a modulus changes the tensions of the cables alone. (Only
-    if the path of the stage had a fold for some of the moduli between would its end be another one.)
-    """
-    (_, given), at = stage_targets(base.structure, base.arrays)[0], base.equilibria[0]
-    stage, length = stage_inputs(arrays, after, after), path_lengths(arrays, at.nodes)
-    own = stage.rest_length[..., 0]
-    lent = np.where(at.slack, np.maximum(own, length), length / (1.0 + at.tensions / arrays.stiffness))
-    return replace(
-        stage,
-        rest_length=np.stack([lent, own - lent, np.zeros_like(own)], axis=-1),
-        loads_start=nodal_forces(base.arrays, given),
-    )
+    ended = outcome.done == STANDS
+    ending = Ending(structure, base.tangent, stage, arrays.stiffness, base.settings)
+    if base.settings.path == "stepped":
+        ends = stepped_ends(ending, outcome)
+    else:
+        ends = collapses(ending, solver, block.start, outcome, reference)
+    for run, end in ends:
+        ended[run] = True
+        block.take_end(run, end, str(end.status), "; ".join([*reasons, end.reason]))
+    return block, done & ended
 
 
 def _solver(

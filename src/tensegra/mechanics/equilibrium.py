@@ -279,10 +279,13 @@ def descend(
         n_negative = tangent.factorise()
         push = out
         if residual <= RESIDUAL_TOLERANCE:
-            if n_negative == 0:
+            zero = ZERO_EIGENVALUE * tangent.stiffness_scale
+            # The pivots of a singular K are rounding: their signs alone do not say that it stands.
+            if n_negative == 0 and tangent.all_eigenvalues_exceed(zero):
+                tangent.factorise()
                 return _polished(tangent, x, load, out, residual, iteration)
             spectrum = tangent.spectrum(1)
-            if spectrum.values[0] > -ZERO_EIGENVALUE * tangent.stiffness_scale:
+            if spectrum.values[0] > -zero:
                 return Attempt(x, converged=True, residual=residual, iterations=iteration, neutral=True)
             push = out + _downhill(tangent, out, spectrum)
         step, shift = _bounded_step(tangent, push, shift, largest_move)

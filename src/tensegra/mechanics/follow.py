@@ -439,8 +439,18 @@ class StageFollower:
 
 def most_moved(node_ids: tuple[str, ...], motion: FloatArray) -> tuple[str, ...]:
     """Return up to four nodes that move most, none below a third of the largest motion."""
-    most = np.argsort(-motion, kind="stable")[:4]
-    return tuple(node_ids[n] for n in most if motion[n] > motion.max(initial=0.0) / 3.0)
+    return most_moved_of_each(node_ids, motion[None])[0]
+
+
+def most_moved_of_each(node_ids: tuple[str, ...], motions: FloatArray) -> tuple[tuple[str, ...], ...]:
+    """Return `most_moved` for each row of `motions`, ``(n, n_nodes)``."""
+    most = np.argsort(-motions, axis=1, kind="stable")[:, :4]
+    moved = np.take_along_axis(motions, most, axis=1)
+    counts = (moved > motions.max(axis=1, keepdims=True, initial=0.0) / 3.0).sum(axis=1)
+    return tuple(
+        tuple(node_ids[n] for n in row[:count])
+        for row, count in zip(most.tolist(), counts.tolist(), strict=True)
+    )
 
 
 def reference_tension(tensions: FloatArray, stiffness: FloatArray) -> float:

@@ -120,8 +120,10 @@ class StageInputs:
 
     def rest_length_at(self, parameter: float) -> FloatArray:
         """Return the effective rest lengths at the path parameter, shape ``(n_members,)``."""
-        powers = parameter ** np.arange(self.rest_length.shape[-1])
-        return self.rest_length @ powers
+        value = self.rest_length[..., -1]
+        for power in range(self.rest_length.shape[-1] - 2, -1, -1):
+            value = value * parameter + self.rest_length[..., power]  # Horner, as lockstep does
+        return value
 
     def rest_length_rate(self, parameter: float) -> FloatArray:
         """Return d l₀/dλ at the path parameter, shape ``(n_members,)``."""
@@ -130,11 +132,11 @@ class StageInputs:
 
     def loads_at(self, parameter: float) -> FloatArray:
         """Return the nodal forces at the path parameter, shape ``(n_nodes, 3)``."""
-        return (1.0 - parameter) * self.loads_start + parameter * self.loads_end
+        return self.loads_start + parameter * (self.loads_end - self.loads_start)
 
     def positions_at(self, parameter: float) -> FloatArray:
         """Return the coordinates of the supports at the path parameter, shape ``(n_nodes, 3)``."""
-        return (1.0 - parameter) * self.positions_start + parameter * self.positions_end
+        return self.positions_start + parameter * (self.positions_end - self.positions_start)
 
     def balanced_by(self, force: FloatArray) -> "StageInputs":
         """Return the same stage with `force` acting at its beginning and fading to nothing."""

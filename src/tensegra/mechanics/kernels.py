@@ -6,14 +6,9 @@ out. Symbols are those of the nomenclature: ℓ path length, l₀ rest length, T
 n unit vector along a segment, s its length, b = ∂ℓ/∂x.
 """
 
-import numba as nb
-
 from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray
-from tensegra.mechanics.lanes import choose, less, load, magnitude, root, store, zero
-
-njit = nb.njit(cache=True, error_model="numpy", nogil=True, boundscheck=False)
-njit_once = nb.njit(cache=True, error_model="numpy", nogil=True, boundscheck=False, inline="always")
-"""For parts of one kernel: compiled within it, not once more on their own."""
+from tensegra.mechanics.compiled import njit
+from tensegra.mechanics.lanes import choose, fused, less, load, magnitude, root, store, zero
 
 PIVOT_ROUNDING = 1e-13
 """Pivots below this share of the largest EA/l₀ are rounding errors of a zero."""
@@ -21,6 +16,18 @@ PIVOT_ROUNDING = 1e-13
 
 HELD_STIFFNESS = 1e3
 """What holds a held coordinate, as a multiple of the largest EA/l₀: above every eigenvalue of K."""
+
+
+@njit
+def dot3(a0, b0, a1, b1, a2, b2):
+    """Sum three products, each rounded with its sum."""
+    return fused(a2, b2, fused(a1, b1, a0 * b0))
+
+
+@njit
+def less_dot3(c, a0, b0, a1, b1, a2, b2):
+    """Subtract three products, each rounded with its difference."""
+    return fused(-1.0 * a2, b2, fused(-1.0 * a1, b1, fused(-1.0 * a0, b0, c)))
 
 
 @njit
@@ -50,7 +57,7 @@ def measure(
             dx = load(x, j) - load(x, i)
             dy = load(x, j + 1) - load(x, i + 1)
             dz = load(x, j + 2) - load(x, i + 2)
-            distance = root(dx * dx + dy * dy + dz * dz)
+            distance = root(dot3(dx, dx, dy, dy, dz, dz))
             inverse = 1.0 / distance
             store(unit, 3 * s, dx * inverse)
             store(unit, 3 * s + 1, dy * inverse)
@@ -128,7 +135,7 @@ def stretch_rate(
         for s in range(segment_start[e], segment_start[e + 1]):
             i, j = 3 * segment_nodes[s, 0], 3 * segment_nodes[s, 1]
             for c in range(3):
-                total = total + load(unit, 3 * s + c) * (load(motion, j + c) - load(motion, i + c))
+                total = fused(load(unit, 3 * s + c), load(motion, j + c) - load(motion, i + c), total)
         store(rate, e, total)
 
 
@@ -158,8 +165,9 @@ def force_rate(
             vz = load(motion, j + 2) - load(motion, i + 2)
             nx, ny, nz = load(unit, 3 * s), load(unit, 3 * s + 1), load(unit, 3 * s + 2)
             stress = t * load(inverse_length, s)
-            along = t_rate - stress * (nx * vx + ny * vy + nz * vz)
-            rx, ry, rz = stress * vx + along * nx, stress * vy + along * ny, stress * vz + along * nz
+            along = t_rate - stress * dot3(nx, vx, ny, vy, nz, vz)
+            rx, ry = fused(stress, vx, along * nx), fused(stress, vy, along * ny)
+            rz = fused(stress, vz, along * nz)
             store(rate, i, load(rate, i) - rx)
             store(rate, i + 1, load(rate, i + 1) - ry)
             store(rate, i + 2, load(rate, i + 2) - rz)
@@ -224,9 +232,7 @@ def assemble(
             for c in range(3):
                 scaled = along * load(unit, 3 * s + c)
                 for d in range(3):
-                    value = scaled * load(unit, 3 * s + d)
-                    if c == d:
-                        value = value + across
+                    value = fused(scaled, load(unit, 3 * s + d), across if c == d else zero(stress))
                     if block_i >= 0:
                         place = 9 * column_start[block_i] + 3 * c + d
                         store(blocks, place, load(blocks, place) + value)
@@ -245,11 +251,23 @@ def assemble(
                     scaled = k * load(gradient, row + c)
                     for d in range(3):
                         place = target + 3 * c + d
-                        store(blocks, place, load(blocks, place) + scaled * load(gradient, column + d))
+                        store(blocks, place, fused(scaled, load(gradient, column + d), load(blocks, place)))
     for place in held_entry:
         store(blocks, place, zero(blocks))
     for place in held_diagonal:
         store(blocks, place, HELD_STIFFNESS * load(scale, 0))
+
+
+@njit
+def write_dense(column_start: IndexArray, row: IndexArray, blocks: FloatArray, matrix: FloatArray) -> None:
+    """Write the lower-triangular blocks ``(9 n_entries,)`` as a full symmetric matrix of zeros so far."""
+    for j in range(column_start.size - 1):
+        for p in range(column_start[j], column_start[j + 1]):
+            for c in range(3):
+                for d in range(c + 1 if row[p] == j else 3):
+                    value = blocks[9 * p + 3 * c + d]
+                    matrix[3 * row[p] + c, 3 * j + d] = value
+                    matrix[3 * j + d, 3 * row[p] + c] = value
 
 
 @njit
@@ -287,17 +305,17 @@ def factorise(
             p00, p01, p02 = load(pivot_inverse, q), load(pivot_inverse, q + 1), load(pivot_inverse, q + 2)
             p11, p12, p22 = load(pivot_inverse, q + 3), load(pivot_inverse, q + 4), load(pivot_inverse, q + 5)
             u0, u1, u2 = load(blocks, u), load(blocks, u + 1), load(blocks, u + 2)
-            w00 = p00 * u0 + p01 * u1 + p02 * u2
-            w10 = p01 * u0 + p11 * u1 + p12 * u2
-            w20 = p02 * u0 + p12 * u1 + p22 * u2
+            w00 = dot3(p00, u0, p01, u1, p02, u2)
+            w10 = dot3(p01, u0, p11, u1, p12, u2)
+            w20 = dot3(p02, u0, p12, u1, p22, u2)
             u0, u1, u2 = load(blocks, u + 3), load(blocks, u + 4), load(blocks, u + 5)
-            w01 = p00 * u0 + p01 * u1 + p02 * u2
-            w11 = p01 * u0 + p11 * u1 + p12 * u2
-            w21 = p02 * u0 + p12 * u1 + p22 * u2
+            w01 = dot3(p00, u0, p01, u1, p02, u2)
+            w11 = dot3(p01, u0, p11, u1, p12, u2)
+            w21 = dot3(p02, u0, p12, u1, p22, u2)
             u0, u1, u2 = load(blocks, u + 6), load(blocks, u + 7), load(blocks, u + 8)
-            w02 = p00 * u0 + p01 * u1 + p02 * u2
-            w12 = p01 * u0 + p11 * u1 + p12 * u2
-            w22 = p02 * u0 + p12 * u1 + p22 * u2
+            w02 = dot3(p00, u0, p01, u1, p02, u2)
+            w12 = dot3(p01, u0, p11, u1, p12, u2)
+            w22 = dot3(p02, u0, p12, u1, p22, u2)
             for p in range(left_entry[t], column_start[k + 1]):
                 target = place[row[p]]
                 for c in range(0, 9, 3):
@@ -307,25 +325,27 @@ def factorise(
                         load(blocks, 9 * p + c + 2),
                     )
                     at = target + c
-                    store(blocks, at, load(blocks, at) - u0 * w00 - u1 * w10 - u2 * w20)
-                    store(blocks, at + 1, load(blocks, at + 1) - u0 * w01 - u1 * w11 - u2 * w21)
-                    store(blocks, at + 2, load(blocks, at + 2) - u0 * w02 - u1 * w12 - u2 * w22)
+                    store(blocks, at, less_dot3(load(blocks, at), u0, w00, u1, w10, u2, w20))
+                    store(blocks, at + 1, less_dot3(load(blocks, at + 1), u0, w01, u1, w11, u2, w21))
+                    store(blocks, at + 2, less_dot3(load(blocks, at + 2), u0, w02, u1, w12, u2, w22))
         a10, a20 = load(blocks, b + 3), load(blocks, b + 6)
         d0 = _kept_from_zero(load(blocks, b) + moved, floor)
         l10, l20 = a10 / d0, a20 / d0
-        d1 = _kept_from_zero(load(blocks, b + 4) + moved - l10 * a10, floor)
-        u21 = load(blocks, b + 7) - l20 * a10
+        d1 = _kept_from_zero(fused(-1.0 * l10, a10, load(blocks, b + 4) + moved), floor)
+        u21 = fused(-1.0 * l20, a10, load(blocks, b + 7))
         l21 = u21 / d1
-        d2 = _kept_from_zero(load(blocks, b + 8) + moved - l20 * a20 - l21 * u21, floor)
+        d2 = _kept_from_zero(
+            fused(-1.0 * l21, u21, fused(-1.0 * l20, a20, load(blocks, b + 8) + moved)), floor
+        )
         negative = negative + less(d0, above) + less(d1, above) + less(d2, above)
         # L⁻¹ has the entries −l10, m20 = l10 l21 − l20, −l21; D⁻¹ = L⁻ᵀ diag(1/d) L⁻¹.
-        m20 = l10 * l21 - l20
+        m20 = fused(l10, l21, -1.0 * l20)
         i0, i1, i2 = 1.0 / d0, 1.0 / d1, 1.0 / d2
         q = 6 * j
-        store(pivot_inverse, q, i0 + l10 * l10 * i1 + m20 * m20 * i2)
-        store(pivot_inverse, q + 1, -1.0 * (l10 * i1 + m20 * l21 * i2))
+        store(pivot_inverse, q, fused(m20 * m20, i2, fused(l10 * l10, i1, i0)))
+        store(pivot_inverse, q + 1, -1.0 * fused(m20 * l21, i2, l10 * i1))
         store(pivot_inverse, q + 2, m20 * i2)
-        store(pivot_inverse, q + 3, i1 + l21 * l21 * i2)
+        store(pivot_inverse, q + 3, fused(l21 * l21, i2, i1))
         store(pivot_inverse, q + 4, -1.0 * (l21 * i2))
         store(pivot_inverse, q + 5, i2)
     store(n_negative, 0, negative)
@@ -355,8 +375,8 @@ def solve(
             u, i = 9 * p, 3 * row[p]
             for c in range(3):
                 at = u + 3 * c
-                product = load(blocks, at) * y0 + load(blocks, at + 1) * y1 + load(blocks, at + 2) * y2
-                store(rhs, i + c, load(rhs, i + c) - product)
+                u0, u1, u2 = load(blocks, at), load(blocks, at + 1), load(blocks, at + 2)
+                store(rhs, i + c, less_dot3(load(rhs, i + c), u0, y0, u1, y1, u2, y2))
     for j in range(column_start.size - 2, -1, -1):
         r = 3 * j
         z0, z1, z2 = zero(rhs), zero(rhs), zero(rhs)
@@ -365,9 +385,9 @@ def solve(
             for c in range(3):
                 x = load(rhs, i + c)
                 at = u + 3 * c
-                z0 = z0 + load(blocks, at) * x
-                z1 = z1 + load(blocks, at + 1) * x
-                z2 = z2 + load(blocks, at + 2) * x
+                z0 = fused(load(blocks, at), x, z0)
+                z1 = fused(load(blocks, at + 1), x, z1)
+                z2 = fused(load(blocks, at + 2), x, z2)
         z0, z1, z2 = _times_pivot(pivot_inverse, 6 * j, z0, z1, z2)
         store(rhs, r, load(rhs, r) - z0)
         store(rhs, r + 1, load(rhs, r + 1) - z1)
@@ -379,7 +399,7 @@ def _times_pivot(pivot_inverse, q, y0, y1, y2):
     p00, p01, p02 = load(pivot_inverse, q), load(pivot_inverse, q + 1), load(pivot_inverse, q + 2)
     p11, p12, p22 = load(pivot_inverse, q + 3), load(pivot_inverse, q + 4), load(pivot_inverse, q + 5)
     return (
-        p00 * y0 + p01 * y1 + p02 * y2,
-        p01 * y0 + p11 * y1 + p12 * y2,
-        p02 * y0 + p12 * y1 + p22 * y2,
+        dot3(p00, y0, p01, y1, p02, y2),
+        dot3(p01, y0, p11, y1, p12, y2),
+        dot3(p02, y0, p12, y1, p22, y2),
     )

@@ -4,6 +4,9 @@ A kernel reads and writes rows of its arrays with `load` and `store`. From an ar
 a row is a float; from one of shape ``(n, WIDTH)`` it is a `Pack`, a vector value that the compiler
 keeps in registers. The same source is thereby compiled twice: for a single structure, and for eight
 runs of it in lockstep at hardly more than the price of one.
+
+A lane computes bit for bit what the kernel computes for one run: a product and a sum are rounded
+once only where `fused` says so, never at the compiler's discretion.
 """
 
 import operator
@@ -20,7 +23,6 @@ WIDTH = 8
 
 _VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
 _INDEX = ir.IntType(32)
-_ROUNDED_ONCE = ("contract", "nsz")  # a·b + c may become one fused instruction; nothing else is loosened
 
 
 class PackType(types.Type):
@@ -105,7 +107,7 @@ def _declare(symbol: Any, instruction: str) -> None:
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         left, right = (_splat(builder, argument) for argument in arguments)
-        return getattr(builder, instruction)(left, right, flags=_ROUNDED_ONCE)
+        return getattr(builder, instruction)(left, right)
 
     for kinds in ((PackType, PackType), (PackType, types.Float), (types.Float, PackType)):
         lower_builtin(symbol, *kinds)(generate)
@@ -115,6 +117,20 @@ _declare(operator.add, "fadd")
 _declare(operator.sub, "fsub")
 _declare(operator.mul, "fmul")
 _declare(operator.truediv, "fdiv")
+
+
+@intrinsic
+def _fused(_typing: Any, left: Any, right: Any, term: Any) -> Any:
+    kind = pack if pack in (left, right, term) else types.float64
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        vector = kind is pack
+        values = [_splat(builder, value) for value in arguments] if vector else list(arguments)
+        of, name = (_VECTOR, f"v{WIDTH}f64") if vector else (ir.DoubleType(), "f64")
+        function = get_or_insert_function(builder.module, ir.FunctionType(of, [of] * 3), f"llvm.fma.{name}")
+        return builder.call(function, values)
+
+    return kind(left, right, term), generate
 
 
 def _compared(condition: str, otherwise: str) -> Any:
@@ -171,6 +187,8 @@ magnitude: Any = _unary("llvm.fabs")
 """Absolute value, lane by lane."""
 
 # Compiled functions take floats and packs: no annotation says so, so none is claimed.
+fused: Any = _fused
+"""a·b + c with a single rounding, lane by lane."""
 load: Any = _load
 """Read a row of an array: a float from ``(n,)``, a pack from ``(n, WIDTH)``."""
 store: Any = _store

@@ -11,8 +11,9 @@ Lanes do not exchange numbers, so a result depends neither on its neighbours nor
 
 import numpy as np
 
-from tensegra.mechanics.kernels import njit, njit_once
+from tensegra.mechanics.compiled import njit, njit_once
 from tensegra.mechanics.lanes import WIDTH
+from tensegra.mechanics.lockstep_data import BRANCH_ENDS, STANDS
 from tensegra.mechanics.tick import (
     ACCEPT,
     CLOSE,
@@ -36,9 +37,46 @@ CONVERGED = 1e-9
 MAX_CORRECTIONS = 8
 """Corrections of one step after which it is cut."""
 
+MOST_SWEEPS, SETTLED = 30, 1e-7
+"""Inverse iterations for the lowest eigenvalue, and the relative change below which they end: a run may
+come to stand far from the shape that lent its modes."""
+
 
 @njit
-def follow_runs(topology, runs, outcome, lanes, first, last, first_step, smallest_step, largest_move):
+def certify_runs(topology, runs, outcome, lanes, first, last):
+    """Find the lowest eigenvalue and the derivatives of the runs `first` to `last` that stand, by packs.
+
+    Parameters
+    ----------
+    topology, runs, outcome, lanes
+        `Topology`, `Runs`, `Outcome` and `Lanes`.
+    first, last
+        Range of runs.
+    """
+    place = np.zeros(topology.block_node.size, dtype=np.int64)
+    run, action = np.full(WIDTH, -1), np.full(WIDTH, IDLE)
+    r, n_lanes = first, 0
+    while r < last:
+        if outcome.done[r] == STANDS:
+            enter(topology, runs, lanes, n_lanes, r)
+            for i in range(lanes.x.shape[0]):
+                lanes.x[i, n_lanes] = outcome.nodes[r, i]
+            for e in range(lanes.stress.shape[0]):
+                lanes.stress[e, n_lanes] = outcome.tensions[r, e]
+            lanes.parameter[0, n_lanes] = 1.0
+            run[n_lanes], action[n_lanes] = r, FINISH
+            n_lanes += 1
+        r += 1
+        if n_lanes == WIDTH or (r == last and n_lanes > 0):
+            tick(topology, lanes, place)
+            certify(topology, runs, outcome, lanes, run, action, MOST_SWEEPS, SETTLED)
+            run[:], action[:], n_lanes = -1, IDLE, 0
+
+
+@njit
+def follow_runs(
+    topology, runs, outcome, lanes, first, last, first_step, careful_below, smallest_step, largest_move
+):
     """Follow the runs `first` to `last` through their stage.
 
     Parameters
@@ -47,8 +85,9 @@ def follow_runs(topology, runs, outcome, lanes, first, last, first_step, smalles
         `Topology`, `Runs`, `Outcome` and `Lanes`.
     first, last
         Range of runs.
-    first_step, smallest_step
-        First increment of λ, and the increment below which a run is given back.
+    first_step, careful_below, smallest_step
+        First increment of λ; the increment below which a step has to converge before it is accepted;
+        the increment below which the stable branch is held to end.
     largest_move
         Largest move of a coordinate in one step, unit of length.
     """
@@ -64,7 +103,7 @@ def follow_runs(topology, runs, outcome, lanes, first, last, first_step, smalles
     n_active = 0
     for lane in range(WIDTH):
         # A lane without a run of its own repeats the first: its numbers stay finite, nothing is kept.
-        _enter(topology, runs, lanes, lane, min(queue, last - 1))
+        enter(topology, runs, lanes, lane, min(queue, last - 1))
         if queue < last:
             run[lane] = queue
             queue += 1
@@ -85,15 +124,13 @@ def follow_runs(topology, runs, outcome, lanes, first, last, first_step, smalles
             small, stands = lanes.residual[0, lane], lanes.n_negative[0, lane] == 0.0
             if closing[lane]:
                 action[lane] = FINISH if small <= CONVERGED and stands else CUT
-            elif small <= (CONVERGED if target[lane] >= 1.0 else ACCEPTED):
+            elif small <= (CONVERGED if target[lane] >= 1.0 or step[lane] < careful_below else ACCEPTED):
                 action[lane] = CUT if not stands else CLOSE if target[lane] >= 1.0 else ACCEPT
             else:
                 corrections[lane] += 1
                 good = small < np.inf and corrections[lane] <= MAX_CORRECTIONS
                 action[lane] = CORRECT if good else CUT
-        any_finish, any_accept = np.any(action == FINISH), np.any(action == ACCEPT)
-        if any_finish:
-            certify(topology, runs, outcome, lanes, run, action)
+        any_accept = np.any(action == ACCEPT)
         correct(topology, lanes, action)
         for lane in range(WIDTH):
             if action[lane] == CORRECT or action[lane] == CLOSE:
@@ -131,23 +168,26 @@ def follow_runs(topology, runs, outcome, lanes, first, last, first_step, smalles
                 _predict(lanes, lane, base[lane], target[lane])
             elif action[lane] == FINISH or action[lane] == CUT:
                 if action[lane] == FINISH:
-                    outcome.done[r] = 1
+                    outcome.done[r], outcome.parameter[r] = STANDS, 1.0
                     outcome.steps[r] += 1
                     outcome.iterations[r] += corrections[lane] + 2
-                    _leave(lanes, outcome, lane, r)
+                    leave(lanes, outcome, lane, r)
+                elif target[lane] > 0.0:
+                    outcome.done[r], outcome.parameter[r] = BRANCH_ENDS, base[lane]
+                    _leave_accepted(lanes, outcome, lane, r)
                 run[lane] = -1
                 n_active -= 1
                 if queue < last:
                     run[lane] = queue
                     queue += 1
                     n_active += 1
-                    _enter(topology, runs, lanes, lane, run[lane])
+                    enter(topology, runs, lanes, lane, run[lane])
                     step[lane], target[lane], base[lane] = first_step, 0.0, 0.0
                     closing[lane], corrections[lane] = False, 0
 
 
 @njit_once
-def _enter(topology, runs, lanes, lane, r):
+def enter(topology, runs, lanes, lane, r):
     """Put a run at its start into a lane."""
     start, stiffness = row_of(runs.start, r), row_of(runs.stiffness, r)
     loads_start, loads_rate = row_of(runs.loads_start, r), row_of(runs.loads_rate, r)
@@ -178,13 +218,22 @@ def _enter(topology, runs, lanes, lane, r):
 
 
 @njit_once
-def _leave(lanes, outcome, lane, r):
+def leave(lanes, outcome, lane, r):
     """Take a finished run out of its lane."""
     for i in range(lanes.x.shape[0]):
         outcome.nodes[r, i] = lanes.x[i, lane]
     for e in range(lanes.tension.shape[0]):
         outcome.tensions[r, e] = lanes.tension[e, lane]
     outcome.residual[r] = lanes.residual[0, lane]
+
+
+@njit_once
+def _leave_accepted(lanes, outcome, lane, r):
+    """Take a run out of its lane as it was at its last accepted point."""
+    for i in range(lanes.x.shape[0]):
+        outcome.nodes[r, i] = lanes.accepted[i, lane]
+    for e in range(lanes.tension.shape[0]):
+        outcome.tensions[r, e] = lanes.accepted_tension[e, lane]
 
 
 @njit_once

@@ -8,6 +8,14 @@ from tensegra.mechanics.arrays import FloatArray, IndexArray, StructureArrays
 from tensegra.mechanics.lanes import WIDTH
 from tensegra.mechanics.pattern import Pattern
 
+STANDS, NOT_DEFINITE, FLAT, LOST, BRANCH_ENDS = 1, 2, 3, 4, 5
+"""How a run came to its end (`Outcome.done`): in an equilibrium where K is positive definite, in one
+where it is not, where nothing carries force any more, nowhere, or at the end of the stable branch."""
+
+
+CACHE_LINE = 64
+"""Bytes of a cache line, as many as of a pack."""
+
 
 class Topology(NamedTuple):
     """What all runs share: `StructureArrays` and `Pattern` as the kernels take them."""
@@ -70,10 +78,39 @@ class Runs(NamedTuple):
     by_force: FloatArray
 
 
+class Increments(NamedTuple):
+    """What the plain procedure needs beside `Runs`.
+
+    Attributes
+    ----------
+    number
+        Of the increments of each run, ``(n_runs,)``.
+    flat_below
+        Largest tension that counts as none where nothing is loaded, ``(n_runs | 1,)``.
+    moving
+        One for a member that touches a node that can move, else zero, ``(n_members,)``.
+    farthest
+        Coordinate at which a run is given up.
+    most_iterations
+        Iterations of one increment after which a run is given up.
+    """
+
+    number: IndexArray
+    flat_below: FloatArray
+    moving: FloatArray
+    farthest: float
+    most_iterations: int
+
+
 class Outcome(NamedTuple):
-    """Results, filled in by `follow_runs`; one row a run, of the shapes that the names tell."""
+    """Results, filled in by the kernels; one row a run, of the shapes that the names tell.
+
+    ``done`` is 0 for a run that is given back, else how it ended; ``parameter`` is the λ up to which
+    it was followed.
+    """
 
     done: IndexArray
+    parameter: FloatArray
     nodes: FloatArray
     tensions: FloatArray
     residual: FloatArray
@@ -176,7 +213,15 @@ def lanes_for(arrays: StructureArrays, pattern: Pattern, degree: int) -> Lanes:
         "image": 3 * unknowns,
         "measure_of": 9,
     }
-    return Lanes(**{name: np.zeros((rows.get(name, 1), WIDTH)) for name in Lanes._fields})
+    return Lanes(**{name: _packs(rows.get(name, 1)) for name in Lanes._fields})
+
+
+def _packs(n: int) -> FloatArray:
+    """Return zeros, ``(n, WIDTH)``, that begin with a cache line: no pack lies across two of them."""
+    spare = CACHE_LINE // 8
+    buffer = np.zeros(n * WIDTH + spare)
+    first = -buffer.ctypes.data % CACHE_LINE // 8
+    return buffer[first : first + n * WIDTH].reshape(n, WIDTH)
 
 
 NODAL = (

@@ -27,11 +27,11 @@ from tensegra.mechanics.inputs import (
     stage_inputs,
 )
 from tensegra.mechanics.results import Equilibrium, EquilibriumPath
-from tensegra.mechanics.stability import free_mechanisms
+from tensegra.mechanics.stability import LARGEST_LISTED, free_mechanisms
 from tensegra.mechanics.start import first_stage
 from tensegra.mechanics.status import Status
 from tensegra.mechanics.stepped import run_stepped
-from tensegra.mechanics.tangent import Tangent
+from tensegra.mechanics.tangent import Tangent, lowest_of
 from tensegra.mechanics.trace import trace_branch
 from tensegra.structure import Structure
 
@@ -144,7 +144,7 @@ def prepare(
         else:
             run = _run(follower, name, nodes)
         runs.append(run)
-        equilibria.append(_equilibrium(structure, tangent, run, follower.load_at(run.parameter)))
+        equilibria.append(certify_end(structure, tangent, run, follower.load_at(run.parameter)))
         inputs, nodes = after, run.nodes
     return Prepared(structure, arrays, tangent, tuple(runs), tuple(equilibria), inputs, settings)
 
@@ -186,7 +186,7 @@ def actuate(prepared: Prepared, run: Actuation) -> EquilibriumPath:
             followed = _run(follower, "actuation", runs[-1].nodes)
         load = follower.load_at(followed.parameter)
         runs.append(followed)
-        actuated = _equilibrium(structure, tangent, followed, load)
+        actuated = certify_end(structure, tangent, followed, load)
     return EquilibriumPath(
         structure=structure,
         stages=prepared.equilibria,
@@ -230,8 +230,18 @@ def _traced(follower: StageFollower, run: StageRun) -> StageRun:
     return run
 
 
-def _equilibrium(structure: Structure, tangent: Tangent, run: StageRun, load: Load) -> Equilibrium:
-    """Certify the end of a stage: measure again, count eigenvalues, name what is free."""
+def certify_end(structure: Structure, tangent: Tangent, run: StageRun, load: Load) -> Equilibrium:
+    """Certify the end of a stage: measure again, count eigenvalues, name what is free.
+
+    Parameters
+    ----------
+    structure, tangent
+        The structure, and the workspace of its kernels.
+    run
+        A stage that has come to its end.
+    load
+        What acts there.
+    """
     arrays = tangent.arrays
     nowhere = Equilibrium(
         structure=structure,
@@ -251,7 +261,8 @@ def _equilibrium(structure: Structure, tangent: Tangent, run: StageRun, load: Lo
     if run.outcome is Status.FAILED:
         return nowhere
     _, residual = unbalanced(tangent, run.nodes, load)
-    lowest = tangent.lowest_eigenvalue()
+    collapsed = run.outcome is Status.COLLAPSED
+    spectrum = tangent.spectrum(LARGEST_LISTED if collapsed else 1)
     n_negative = tangent.factorise()
     result = replace(
         nowhere,
@@ -260,12 +271,12 @@ def _equilibrium(structure: Structure, tangent: Tangent, run: StageRun, load: Lo
         tensions=tangent.tension.copy(),
         slack=arrays.is_cable & ~tangent.taut,
         residual=residual,
-        lowest_eigenvalue=lowest,
+        lowest_eigenvalue=lowest_of(spectrum),
         n_negative=n_negative,
         strain_energy=tangent.energy(load.rest_length),
     )
-    if run.outcome is Status.COLLAPSED:
-        free = free_mechanisms(tangent)
+    if collapsed:
+        free = free_mechanisms(tangent, spectrum)
         names = sorted({node for nodes in free for node in nodes}, key=arrays.node_ids.index)
         reason = f"{run.reason}; {len(free)} free mechanisms, which move nodes {', '.join(names)}"
         return replace(result, mechanisms=free, reason=reason)

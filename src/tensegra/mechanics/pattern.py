@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tensegra.mechanics import kernels
 from tensegra.mechanics.arrays import FloatArray, IndexArray, StructureArrays
 
 LONGEST_FILLED_PATH = 24
@@ -146,15 +147,8 @@ def dense_matrix(pattern: Pattern, blocks: FloatArray, free: IndexArray | None =
     """
     n = 3 * pattern.n_blocks
     matrix = np.zeros((n, n))
-    columns = np.repeat(np.arange(pattern.n_blocks), np.diff(pattern.column_start))
-    i, j = np.divmod(np.arange(9), 3)
-    rows = 3 * pattern.row[:, None] + i
-    cols = 3 * columns[:, None] + j
-    values = blocks.reshape(-1, 9)
-    matrix[rows, cols] = values
-    lower = np.tril(matrix)
-    full = lower + np.tril(matrix, -1).T
-    return full if free is None else full[np.ix_(free, free)]
+    kernels.write_dense(pattern.column_start, pattern.row, blocks, matrix)
+    return matrix if free is None or len(free) == n else matrix[np.ix_(free, free)]
 
 
 def _paths(arrays: StructureArrays) -> tuple[IndexArray, IndexArray, IndexArray]:

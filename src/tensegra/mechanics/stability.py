@@ -14,9 +14,9 @@ import numpy as np
 from tensegra.errors import SolverError
 from tensegra.mechanics.arrays import FloatArray, StructureArrays, segment_spans, structure_arrays
 from tensegra.mechanics.equilibrium import unbalanced
-from tensegra.mechanics.follow import most_moved
+from tensegra.mechanics.follow import most_moved_of_each
 from tensegra.mechanics.results import EquilibriumPath
-from tensegra.mechanics.tangent import Tangent
+from tensegra.mechanics.tangent import Spectrum, Tangent
 from tensegra.structure import Structure
 
 SINGULAR = 1e-9
@@ -200,18 +200,21 @@ def natural_frequencies(path: EquilibriumPath, n_modes: int = 6) -> Vibration:
     return Vibration(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * np.pi), fields)
 
 
-def free_mechanisms(tangent: Tangent) -> tuple[tuple[str, ...], ...]:
+def free_mechanisms(tangent: Tangent, spectrum: Spectrum) -> tuple[tuple[str, ...], ...]:
     """Name the nodes that each zero-stiffness mode moves most, at the last measure of `tangent`.
 
     Modes of a multiple eigenvalue are not unique; together they span the free motions.
+
+    Parameters
+    ----------
+    tangent
+        Measured where the structure is.
+    spectrum
+        Its `LARGEST_LISTED` lowest modes there.
     """
-    spectrum = tangent.spectrum(min(tangent.arrays.n_free, LARGEST_LISTED))
-    named = []
-    for value, mode in zip(spectrum.values, spectrum.vectors, strict=True):
-        if abs(value) > SINGULAR * tangent.stiffness_scale:
-            continue
-        named.append(most_moved(tangent.arrays.node_ids, np.linalg.norm(mode, axis=1)))
-    return tuple(named)
+    zero = np.abs(spectrum.values) <= SINGULAR * tangent.stiffness_scale
+    motions = np.linalg.norm(spectrum.vectors[zero], axis=2)
+    return most_moved_of_each(tangent.arrays.node_ids, motions)
 
 
 def _tangent_at(path: EquilibriumPath) -> tuple[Tangent, StructureArrays]:

@@ -24,6 +24,11 @@ class Spectrum(NamedTuple):
     vectors: FloatArray
 
 
+def lowest_of(spectrum: Spectrum) -> float:
+    """Return the lowest eigenvalue of a spectrum; infinite where nothing can move."""
+    return float(spectrum.values[0]) if len(spectrum.values) else np.inf
+
+
 class Tangent:
     """Tangent stiffness of a structure at one position, K = A + B diag(k) Bᵀ.
 
@@ -38,6 +43,8 @@ class Tangent:
         Largest EA/l₀ of the last `measure`, slack or not: what is little beside it is rounding.
     n_negative
         Eigenvalues of K (+ shift) that are not positive, found by the last `factorise`.
+    free_index
+        Rows of the elimination order that are free coordinates.
     """
 
     def __init__(self, arrays: StructureArrays, pattern: Pattern | None = None) -> None:
@@ -59,6 +66,7 @@ class Tangent:
         self._low_rank: tuple[FloatArray, FloatArray, FloatArray] | None = None
         self.n_negative = 0
         self.stiffness_scale = 1.0
+        self.free_index: IndexArray = np.flatnonzero(arrays.free[pattern.block_node].ravel())
 
     @property
     def taut(self) -> BoolArray:
@@ -213,13 +221,10 @@ class Tangent:
         self.assemble()
         free = self.free_index
         matrix = dense_matrix(self.pattern, self._blocks, free)
+        if not len(self.pattern.low_rank_member):
+            return matrix
         columns, axial = self._low_rank_columns()
         return matrix + (columns[free] * axial) @ columns[free].T
-
-    @property
-    def free_index(self) -> IndexArray:
-        """Rows of the elimination order that are free coordinates."""
-        return np.flatnonzero(self.arrays.free[self.pattern.block_node].ravel())
 
     def spectrum(self, n_lowest: int = 1) -> Spectrum:
         """Return the lowest eigenvalues of K at the last measure with their modes.
@@ -233,17 +238,36 @@ class Tangent:
         if len(free) <= LARGEST_DENSE:
             from scipy.linalg import eigh
 
-            values, vectors = eigh(self.matrix(), subset_by_index=(0, n_lowest - 1))
+            # Divide and conquer is the quickest where nearly all are asked for.
+            some = {"driver": "evd"} if n_lowest == len(free) else {"subset_by_index": (0, n_lowest - 1)}
+            values, vectors = eigh(self.matrix(), check_finite=False, overwrite_a=True, **some)
         else:
             values, vectors = self._lanczos(n_lowest)
         modes = np.zeros((n_lowest, 3 * self.pattern.n_blocks))
         modes[:, free] = vectors.T
-        return Spectrum(values, np.array([self._scatter(mode) for mode in modes]))
+        fields = np.zeros((n_lowest, self.arrays.n_nodes, 3))
+        fields[:, self.pattern.block_node] = modes.reshape(n_lowest, -1, 3)
+        return Spectrum(values, fields)
 
     def lowest_eigenvalue(self) -> float:
         """Return the lowest eigenvalue of K at the last measure; infinite where nothing can move."""
-        values = self.spectrum(1).values
-        return float(values[0]) if len(values) else np.inf
+        return lowest_of(self.spectrum(1))
+
+    def all_eigenvalues_exceed(self, bound: float) -> bool:
+        """Whether K at the last measure has no eigenvalue below a bound.
+
+        The inertia that `factorise` finds is only as good as its pivots, which is no good next to a
+        singular K; this is: Cholesky's factorisation is stable.
+        """
+        if len(self.free_index) > LARGEST_DENSE:
+            return self.lowest_eigenvalue() > bound
+        matrix = self.matrix()
+        matrix[np.diag_indices(len(matrix))] -= bound
+        try:
+            np.linalg.cholesky(matrix)
+        except np.linalg.LinAlgError:
+            return False
+        return True
 
     def _lanczos(self, n_lowest: int) -> tuple[FloatArray, FloatArray]:
         """Shift-invert Lanczos; the shift lies below the spectrum, so the nearest are the lowest."""

@@ -8,14 +8,11 @@ of a segment, a dot the derivative by the path parameter λ.
 import numpy as np
 
 from tensegra.mechanics import kernels
-from tensegra.mechanics.kernels import njit, njit_once
-from tensegra.mechanics.lanes import WIDTH, choose, load, magnitude, maximum, root, store, zero
+from tensegra.mechanics.compiled import njit, njit_once
+from tensegra.mechanics.lanes import WIDTH, choose, fused, load, magnitude, maximum, root, store, zero
 
 CORRECT, ACCEPT, CLOSE, FINISH, CUT, IDLE = range(6)
 """What a lane does with the outcome of a tick."""
-
-SWEEPS = 3
-"""Inverse iterations of three vectors for the lowest eigenvalue."""
 
 
 @njit
@@ -25,19 +22,43 @@ def row_of(array, r):
 
 
 @njit_once
-def tick(topology, lanes, place):
-    """Measure, assemble and factorise all lanes; leave p − f in `rhs` and its relative size."""
+def prescribe(lanes):
+    """Compute the rest lengths at each lane's λ, with their two derivatives."""
     parameter = load(lanes.parameter, 0)
     n_powers = lanes.coefficients.shape[0] // lanes.rest_length.shape[0]
     for e in range(lanes.rest_length.shape[0]):
         value, rate, bend = zero(lanes.x), zero(lanes.x), zero(lanes.x)
         for d in range(n_powers - 1, -1, -1):
-            bend = bend * parameter + 2.0 * rate
-            rate = rate * parameter + value
+            bend = fused(bend, parameter, 2.0 * rate)
+            rate = fused(rate, parameter, value)
             value = value * parameter + load(lanes.coefficients, e * n_powers + d)
         store(lanes.rest_length, e, value)
         store(lanes.rest_length_rate, e, rate)
         store(lanes.rest_length_bend, e, bend)
+
+
+@njit_once
+def factorise(topology, lanes, place):
+    """Assemble and factorise K at the last measure, with the tensions in `stress`."""
+    kernels.assemble(
+        lanes.unit, lanes.inverse_length, lanes.stress, lanes.axial, topology.segment_nodes,
+        topology.segment_start, topology.node_block, topology.column_start, topology.segment_entry,
+        topology.path_start, topology.segment_local, topology.pair_start, topology.pair_local,
+        topology.pair_entry, topology.held_entry, topology.held_diagonal, lanes.scale,
+        lanes.gradient, lanes.blocks,
+    )  # fmt: skip
+    kernels.factorise(
+        topology.column_start, topology.row, topology.left_start, topology.left_column, topology.left_entry,
+        lanes.shift, lanes.scale, place, lanes.blocks, lanes.pivot_inverse, lanes.n_negative,
+    )  # fmt: skip
+
+
+@njit_once
+def tick(topology, lanes, place):
+    """Measure, assemble and factorise all lanes; leave p − f in `rhs` and its relative size."""
+    parameter = load(lanes.parameter, 0)
+    prescribe(lanes)
+    for e in range(lanes.rest_length.shape[0]):
         is_taut = choose(maximum(load(lanes.stress, e), zero(lanes.x)), zero(lanes.x) + 1.0, zero(lanes.x))
         store(lanes.taut, e, is_taut if topology.is_cable[e] > 0.0 else zero(lanes.x) + 1.0)
     kernels.measure(
@@ -66,21 +87,12 @@ def tick(topology, lanes, place):
             store(lanes.rhs, 3 * b + c, missing)
     # A NaN is larger than nothing in no comparison: let it through to the residual.
     store(lanes.residual, 0, largest / scale + zero(lanes.x) * load(lanes.rhs, 0))
-    kernels.assemble(
-        lanes.unit, lanes.inverse_length, lanes.stress, lanes.axial, topology.segment_nodes,
-        topology.segment_start, topology.node_block, topology.column_start, topology.segment_entry,
-        topology.path_start, topology.segment_local, topology.pair_start, topology.pair_local,
-        topology.pair_entry, topology.held_entry, topology.held_diagonal, lanes.scale,
-        lanes.gradient, lanes.blocks,
-    )  # fmt: skip
-    kernels.factorise(
-        topology.column_start, topology.row, topology.left_start, topology.left_column, topology.left_entry,
-        lanes.shift, lanes.scale, place, lanes.blocks, lanes.pivot_inverse, lanes.n_negative,
-    )  # fmt: skip
+    factorise(topology, lanes, place)
 
 
 @njit
-def _solve(topology, lanes, vector):
+def solve(topology, lanes, vector):
+    """Solve K u = vector with the last factor, in place."""
     kernels.solve(topology.column_start, topology.row, lanes.blocks, lanes.pivot_inverse, vector)
 
 
@@ -91,7 +103,7 @@ def correct(topology, lanes, action):
         wants = action[lane] == CORRECT or action[lane] == ACCEPT or action[lane] == CLOSE
         lanes.active[0, lane] = 1.0 if wants else 0.0
     active = load(lanes.active, 0)
-    _solve(topology, lanes, lanes.rhs)
+    solve(topology, lanes, lanes.rhs)
     move, away = zero(lanes.x), zero(lanes.x)
     for b in range(topology.block_node.size):
         for c in range(3):
@@ -141,7 +153,7 @@ def differentiate(topology, lanes, action):
             store(
                 lanes.second, 3 * b + c, topology.free[i] * (load(lanes.loads_rate, i) - load(lanes.push, i))
             )
-    _solve(topology, lanes, lanes.second)
+    solve(topology, lanes, lanes.second)
     for b in range(topology.block_node.size):
         for c in range(3):
             i = 3 * topology.block_node[b] + c
@@ -151,7 +163,7 @@ def differentiate(topology, lanes, action):
         for c in range(3):
             i = 3 * topology.block_node[b] + c
             store(lanes.second, 3 * b + c, zero(lanes.x) - topology.free[i] * load(lanes.push, i))
-    _solve(topology, lanes, lanes.second)
+    solve(topology, lanes, lanes.second)
     for i in range(lanes.motion.shape[0]):
         store(lanes.velocity, i, choose(active, load(lanes.motion, i), load(lanes.velocity, i)))
     for b in range(topology.block_node.size):
@@ -219,13 +231,14 @@ def _curvature(topology, lanes):
 
 
 @njit_once
-def certify(topology, runs, outcome, lanes, run, action):
-    """Compute the lowest eigenvalue and the derivatives of the lanes that finish, with their last factor."""
+def certify(topology, runs, outcome, lanes, run, action, most_sweeps, settled):
+    """Compute the lowest eigenvalue and the derivatives of the lanes that finish, with their last factor.
+
+    The eigenvalue comes of inverse iterations of three vectors: `most_sweeps` of them, or as many as
+    change it by more than the share `settled` of itself.
+    """
     if runs.modes.shape[0] > 0:
-        _softest(topology, runs.modes, lanes)
-        for lane in range(WIDTH):
-            if action[lane] == FINISH:
-                outcome.lowest_eigenvalue[run[lane]] = 1.0 / _largest_of_three(lanes.measure_of, lane)
+        _softest(topology, runs, outcome, lanes, run, action, most_sweeps, settled)
     stiffens, pushes = runs.by_stiffness.shape[2] > 0, runs.by_force.shape[2] > 0
     lengthens = runs.by_rest_length.shape[2] > 0
     for q in range(runs.by_force.shape[1]):
@@ -255,7 +268,7 @@ def certify(topology, runs, outcome, lanes, run, action):
                 i = 3 * topology.block_node[b] + c
                 push = topology.free[i] * (load(lanes.motion, i) - load(lanes.push, i))
                 store(lanes.second, 3 * b + c, push)
-        _solve(topology, lanes, lanes.second)
+        solve(topology, lanes, lanes.second)
         for i in range(lanes.motion.shape[0]):
             store(lanes.motion, i, zero(lanes.x))
         for b in range(topology.block_node.size):
@@ -274,20 +287,42 @@ def certify(topology, runs, outcome, lanes, run, action):
 
 
 @njit_once
-def _softest(topology, modes, lanes):
-    """Iterate three vectors with K⁻¹; leave the 3 × 3 matrix Xᵀ K⁻¹ X of the last in `measure_of`."""
+def _softest(topology, runs, outcome, lanes, run, action, most_sweeps, settled):
+    """Iterate three vectors X with K⁻¹ and take the largest eigenvalue of Xᵀ K⁻¹ X for that of K⁻¹.
+
+    A lane takes the value at which its own has settled, whatever its neighbours still need.
+    """
     n = lanes.second.shape[0]
+    pending = np.zeros(WIDTH)
+    for lane in range(WIDTH):
+        pending[lane] = 1.0 if action[lane] == FINISH else 0.0
+        if action[lane] == FINISH:
+            outcome.lowest_eigenvalue[run[lane]] = 0.0
     for k in range(3):
         for i in range(n):
-            store(lanes.basis, k * n + i, zero(lanes.x) + modes[k, i])
-    for sweep in range(SWEEPS + 1):
+            store(lanes.basis, k * n + i, zero(lanes.x) + runs.modes[k, i])
+    for sweep in range(most_sweeps + 1):
         for k in range(3):
             for i in range(n):
                 store(lanes.second, i, load(lanes.basis, k * n + i))
-            _solve(topology, lanes, lanes.second)
+            solve(topology, lanes, lanes.second)
             for i in range(n):
                 store(lanes.image, k * n + i, load(lanes.second, i))
-        if sweep == SWEEPS:
+        if settled > 0.0 or sweep == most_sweeps:
+            for k in range(3):
+                for other in range(3):
+                    store(
+                        lanes.measure_of, 3 * k + other, _dot(lanes.basis, k * n, lanes.image, other * n, n)
+                    )
+            for lane in range(WIDTH):
+                if pending[lane] > 0.0:
+                    before = outcome.lowest_eigenvalue[run[lane]]
+                    now = 1.0 / _largest_of_three(lanes.measure_of, lane)
+                    outcome.lowest_eigenvalue[run[lane]] = now
+                    # The modes that the iteration starts with are not told to be unit vectors.
+                    if sweep > 1 and abs(now - before) <= settled * abs(now):
+                        pending[lane] = 0.0
+        if sweep == most_sweeps or not np.any(pending):
             break
         for k in range(3):
             for other in range(k):
@@ -298,16 +333,13 @@ def _softest(topology, modes, lanes):
             scale = 1.0 / root(_dot(lanes.image, k * n, lanes.image, k * n, n))
             for i in range(n):
                 store(lanes.basis, k * n + i, scale * load(lanes.image, k * n + i))
-    for k in range(3):
-        for other in range(3):
-            store(lanes.measure_of, 3 * k + other, _dot(lanes.basis, k * n, lanes.image, other * n, n))
 
 
 @njit
 def _dot(left, i, right, j, n):
     total = zero(left)
     for at in range(n):
-        total = total + load(left, i + at) * load(right, j + at)
+        total = fused(load(left, i + at), load(right, j + at), total)
     return total
 
 

@@ -1,0 +1,60 @@
+"""The cache on disk: a compiled kernel is fresh as long as nothing that it takes in has changed."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+
+from tensegra.mechanics import compiled, kernels, lockstep, lockstep_fall, lockstep_stepped
+
+KERNELS = [kernels.factorise, lockstep.follow_runs, lockstep_stepped.follow_stepped, lockstep_fall.fall_runs]
+
+
+@pytest.mark.parametrize("kernel", KERNELS, ids=lambda kernel: kernel.__name__)
+def test_every_kernel_is_stamped_with_all_sources(kernel):
+    assert compiled.DIGEST in kernel._cache._cache_file._source_stamp
+
+
+def test_every_file_of_kernels_is_watched():
+    folder = compiled.KERNEL_FILES[0].parent
+    uses = {
+        file
+        for file in folder.glob("*.py")
+        if re.search(r"^@(njit|intrinsic)", file.read_text(), re.MULTILINE)
+    }
+    assert uses <= set(compiled.KERNEL_FILES)
+
+
+def test_the_digest_changes_with_any_file(tmp_path):
+    files = [tmp_path / name for name in ("a.py", "b.py")]
+    for file in files:
+        file.write_text("x = 1\n")
+    before = compiled.digest_of(files)
+    assert compiled.digest_of(files) == before
+    files[1].write_text("x = 2\n")
+    assert compiled.digest_of(files) != before
+
+
+SCRIPT = """
+import sys
+from tensegra.mechanics import compiled
+compiled.DIGEST = sys.argv[1]
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+import kernel
+kernel.twice(1.0)
+print(sum(kernel.twice.stats.cache_hits.values()))
+"""
+
+
+def test_a_kernel_is_compiled_again_once_the_digest_differs(tmp_path):
+    source = "from tensegra.mechanics.compiled import njit\n\n@njit\ndef twice(x):\n    return 2.0 * x\n"
+    (tmp_path / "kernel.py").write_text(source)
+
+    def hits(digest):
+        command = [sys.executable, "-c", SCRIPT, digest, str(tmp_path)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)  # noqa: S603 - our own script
+        return int(done.stdout)
+
+    assert [hits("one"), hits("one"), hits("two"), hits("two")] == [0, 1, 0, 1]
