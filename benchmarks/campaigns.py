@@ -8,12 +8,12 @@ selection calls it, on the runs of (A1, A23, A4) over [0, 30] % without gravity,
 """
 
 import multiprocessing
-import resource
 import sys
 import tempfile
 import time
 from statistics import median
 
+from tensegra.benchmark.fresh import peak_bytes
 from tensegra.study import Study, design_points, parse_study, select
 
 N_POINTS = 100_000
@@ -72,16 +72,16 @@ def store_overhead(rounds: int) -> None:
 
 
 def _select(frame: object) -> None:
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    before = peak_bytes()
     began = time.perf_counter()
     selection = select(frame, ["v", "w"], method="hdbscan")
-    seconds, peak = time.perf_counter() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    seconds, peak = time.perf_counter() - began, peak_bytes()
     print(selection.table)
     kept, n_groups = selection.n_kept, selection.labels.max() + 1
     print(
         f"HDBSCAN of {len(selection.keep)} runs: {kept} in the largest of {n_groups} groups, {seconds:.1f} s,"
     )
-    print(f"peak {peak / 2**20:.2f} GiB, {before / 2**20:.2f} of it before")
+    print(f"peak {peak / 2**30:.2f} GiB, {before / 2**30:.2f} of it before")
 
 
 def clustering() -> None:

@@ -42,13 +42,13 @@ CONTENT = {
 }
 
 DRIVER = """
-import json, resource, sys
+import json, sys
+from tensegra.benchmark.fresh import peak_bytes
 from tensegra.study import parse_study
 
 if __name__ == "__main__":
     parse_study(json.loads(sys.argv[1])).run(sys.argv[2], workers=int(sys.argv[3]))
-    kibibytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    print(kibibytes * 1024)
+    print(peak_bytes())
 """
 
 
