@@ -23,7 +23,8 @@ POLISH_TOLERANCE = 1e-14
 """Iterations go on to this residual as long as they improve it: what rounding leaves."""
 
 ENERGY_ROUNDING = 1e-13
-"""Relative differences of the energy below this are rounding: then the residual decides."""
+"""Relative differences of the energy below this are rounding, as is what `length_rounding` tells: then the
+residual decides."""
 
 ZERO_EIGENVALUE = 1e-11
 """Eigenvalues within this share of the largest EA/l₀ of zero cannot be told from it."""
@@ -232,6 +233,11 @@ def potential(tangent: Tangent, nodes: FloatArray, load: Load) -> float:
     return tangent.energy(load.rest_length) - float(np.sum(load.force * nodes, where=free))
 
 
+def length_rounding(tangent: Tangent) -> float:
+    """Return what the rounding of path lengths makes of the potential energy."""
+    return LENGTH_ROUNDING * float(np.dot(np.abs(tangent.tension), tangent.length))
+
+
 def carried_tension(tangent: Tangent, load: Load) -> tuple[float, bool]:
     """Return the largest tension in members that can move, and whether any force acts on the free nodes."""
     carried = float(np.abs(tangent.tension[tangent.arrays.moving]).max(initial=0.0))
@@ -295,7 +301,8 @@ def descend(
         trial_out, trial_residual = unbalanced(tangent, trial, load)
         trial_energy = potential(tangent, trial, load)
         falls = trial_energy <= energy + 1e-4 * float(np.sum(push * step))
-        level = trial_energy <= energy + ENERGY_ROUNDING * max(abs(energy), abs(trial_energy))
+        rounding = ENERGY_ROUNDING * max(abs(energy), abs(trial_energy)) + length_rounding(tangent)
+        level = trial_energy <= energy + rounding
         if falls or (level and trial_residual < residual):
             x, out, residual, energy = trial, trial_out, trial_residual, trial_energy
             shift = 0.2 * shift if shift > 1e-10 * tangent.stiffness_scale else 0.0

@@ -276,7 +276,8 @@ class StageFollower:
         reached, margin, halve = attempt, 0.02, False
         changed = np.flatnonzero(self.tangent.taut != here.taut)
         while len(changed) and after - before > self.settings.smallest_step:
-            shares = gap_before[changed] / (gap_before[changed] - gap_after[changed])
+            with np.errstate(divide="ignore", invalid="ignore"):  # gaps that do not change
+                shares = gap_before[changed] / (gap_before[changed] - gap_after[changed])
             share = float(np.min(shares, where=np.isfinite(shares), initial=1.0)) + margin
             share = 0.5 if halve else min(0.98, max(0.02, share))
             width, aim = after - before, before + share * (after - before)

@@ -223,7 +223,7 @@ def leave(lanes, outcome, lane, r):
     for i in range(lanes.x.shape[0]):
         outcome.nodes[r, i] = lanes.x[i, lane]
     for e in range(lanes.tension.shape[0]):
-        outcome.tensions[r, e] = lanes.tension[e, lane]
+        outcome.tensions[r, e] = lanes.tension[e, lane] + 0.0  # a slack cable carries 0, not -0
     outcome.residual[r] = lanes.residual[0, lane]
 
 

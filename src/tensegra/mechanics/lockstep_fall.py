@@ -16,6 +16,7 @@ from tensegra.mechanics.compiled import njit, njit_once
 from tensegra.mechanics.equilibrium import (
     ENERGY_ROUNDING,
     LARGEST_SHIFT,
+    LENGTH_ROUNDING,
     RESIDUAL_TOLERANCE,
     SMALLEST_SHIFT,
 )
@@ -93,7 +94,8 @@ def fall_runs(topology, runs, falls, outcome, lanes, first, last):
                     continue
                 now, small, scale = lanes.measure_of[2, lane], lanes.residual[0, lane], lanes.scale[0, lane]
                 downhill = now <= energy[lane] + 1e-4 * slope[lane] or energy[lane] == np.inf
-                level = now <= energy[lane] + ENERGY_ROUNDING * max(abs(energy[lane]), abs(now))
+                rounding = ENERGY_ROUNDING * max(abs(energy[lane]), abs(now)) + lanes.measure_of[3, lane]
+                level = now <= energy[lane] + rounding
                 least[lane] = SMALLEST_SHIFT * scale
                 if downhill or (level and small < residual[lane]):
                     energy[lane], residual[lane] = now, small
@@ -162,9 +164,10 @@ def _begin(topology, runs, falls, lanes, lane, q):
 
 @njit_once
 def _potential(topology, lanes):
-    """Leave the potential energy Π = Σ ½ T (ℓ − l₀) − p·x of the last measure in `measure_of`."""
-    energy = zero(lanes.x)
+    """Leave the potential energy Π = Σ ½ T (ℓ − l₀) − p·x of the last measure, and its rounding."""
+    energy, carried = zero(lanes.x), zero(lanes.x)
     for e in range(lanes.tension.shape[0]):
+        carried = fused(magnitude(load(lanes.tension, e)), load(lanes.length, e), carried)
         stretch = load(lanes.length, e) - load(lanes.rest_length, e)
         energy = fused(0.5 * load(lanes.tension, e), stretch, energy)
     parameter = load(lanes.parameter, 0)
@@ -172,6 +175,7 @@ def _potential(topology, lanes):
         p = load(lanes.loads_start, i) + parameter * load(lanes.loads_rate, i)
         energy = energy - topology.free[i] * p * load(lanes.x, i)
     store(lanes.measure_of, 2, energy)
+    store(lanes.measure_of, 3, LENGTH_ROUNDING * carried)
 
 
 @njit_once

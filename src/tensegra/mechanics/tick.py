@@ -166,6 +166,7 @@ def differentiate(topology, lanes, action):
     solve(topology, lanes, lanes.second)
     for i in range(lanes.motion.shape[0]):
         store(lanes.velocity, i, choose(active, load(lanes.motion, i), load(lanes.velocity, i)))
+        store(lanes.motion, i, zero(lanes.x))  # also that of the supports, which do not bend
     for b in range(topology.block_node.size):
         for c in range(3):
             i = 3 * topology.block_node[b] + c

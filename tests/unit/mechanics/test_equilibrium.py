@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 
 from tensegra.mechanics import solve_path
@@ -22,3 +24,12 @@ def test_steps_of_the_stepped_procedure_tell_their_own_iterations():
     steps = [point for point in path.history if point.stage == "actuation"]
     assert len(steps) == path.final.steps == 5
     assert sum(point.iterations for point in steps) == path.final.iterations
+
+
+def test_rounding_of_the_energy_does_not_hold_a_descent_up():
+    # Stiff members that are hardly stretched: their energy is known to fewer digits than it has.
+    prism = library.prism()
+    lengths = {"s0": 2.1722551700137487, "s1": 2.170985637264897, "s2": 2.1844250981335693}
+    varied = {name: replace(prism.members[name], rest_length=length) for name, length in lengths.items()}
+    path = solve_path(prism.replace(members={**prism.members, **varied}), {"top": 0.029756508939168175})
+    assert path.status == "stable", path.reason

@@ -261,3 +261,13 @@ def test_memory_grows_with_the_results_alone(monkeypatch):
     (peak_few, few), (peak_many, many) = peak_and_results(256), peak_and_results(1024)
     # The blocks' results and the columns made of them; the workspace is several times as much.
     assert peak_many - peak_few < 2.5 * (many - few)
+
+
+def test_newton_converges_quadratically_where_supports_move(beam):
+    # The corrections once took the motion of the supports along, over and over.
+    shift = np.linspace(-1.0, 1.0, 9)
+    runs = solve_batch(beam, actuation={"A14": np.full(9, 0.04)}, positions={("1", "z"): shift})
+    assert set(runs.status) == {"stable"}
+    assert runs.steps.max() <= 3
+    assert runs.iterations.max() <= 12
+    assert runs.residual.max() < 1e-11
