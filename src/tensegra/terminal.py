@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from tensegra.benchmark import Benchmark
     from tensegra.mechanics import EquilibriumPath
     from tensegra.report.check import StructureCheck, StudyCheck
+    from tensegra.report.paper import Reproduction
     from tensegra.report.results import Results
     from tensegra.study import Campaign
 
@@ -32,6 +33,7 @@ __all__ = [
     "show_benchmark",
     "show_path",
     "show_report",
+    "show_reproduction",
     "show_results",
     "show_state",
     "show_structure_check",
@@ -142,6 +144,23 @@ def show_report(path: "Path", *, as_json: bool = False) -> None:
         _print_json({"report": str(path)})
     else:
         _print_line(str(path))
+
+
+def show_reproduction(made: "Reproduction", *, as_json: bool = False) -> None:
+    """Show how the publication's values compare with ours; the reasons stand in the report."""
+    if as_json:
+        _print_json(made.to_dict())
+        return
+    from tensegra.report.paper.comparison import short_table
+
+    for finished in made.chapters:
+        _print_table(short_table(finished.chapter.title, finished.chapter.rows))
+    for finding in (text for finished in made.chapters for text in finished.chapter.findings):
+        _print_line(f"- {finding}")
+    for failure in made.failures:
+        _print_line(f"Could not be had: {failure}.")
+    _print_line(made.summary)
+    _print_line(f"{made.report}, {made.table}")
 
 
 def show_benchmark(benchmark: "Benchmark", *, as_json: bool = False) -> None:

@@ -19,7 +19,7 @@ from tensegra.study.analyses import TRUTH
 if TYPE_CHECKING:
     from tensegra.surrogate import RegimeData, Surrogate
 
-__all__ = ["Listener", "carry_out"]
+__all__ = ["Listener", "carry_out", "versions"]
 
 HELD_OUT = 0.2
 """Share of the runs that a surrogate is measured on, where its entry says nothing."""
@@ -102,7 +102,7 @@ def carry_out(
     index = Index.read(campaign.folder) if resume else Index()
     index.failures, index.workers = [], workers
     index.seconds["campaign"] = time.perf_counter() - compiled
-    index.versions = {package: _version(package) for package in PACKAGES}
+    index.versions = versions()
     surrogates = _surrogates(campaign, index, listener)
     _analyses(campaign, surrogates, index, listener)
     index.finished = datetime.now(UTC).isoformat(timespec="seconds")
@@ -297,6 +297,11 @@ def _trace_frame(result: Any) -> Any:  # noqa: ANN401 - an Optimum; a DataFrame
     columns |= dict(zip(result.outputs, trace.outputs.T, strict=True))
     columns |= {"objective": trace.objective, "feasible": trace.feasible, "best": trace.best}
     return pd.DataFrame(columns)
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what results depend on, by package."""
+    return {package: _version(package) for package in PACKAGES}
 
 
 def _version(package: str) -> str:

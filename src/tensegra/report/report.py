@@ -11,7 +11,7 @@ from tensegra.report.results import Results, open_results
 from tensegra.report.tables import Table
 from tensegra.study import Campaign
 
-__all__ = ["Figure", "Report", "Section", "build_report", "write_report"]
+__all__ = ["Figure", "Report", "Section", "build_report", "render", "write_report"]
 
 
 @dataclass(frozen=True)
@@ -68,16 +68,22 @@ class Report:
 
     def html(self) -> str:
         """Return the page."""
-        from jinja2 import Environment, PackageLoader, StrictUndefined
+        return render("report.html.j2", report=self)
 
-        environment = Environment(
-            loader=PackageLoader("tensegra.report", "."),
-            autoescape=True,
-            undefined=StrictUndefined,
-            trim_blocks=True,
-            lstrip_blocks=True,
-        )
-        return environment.get_template("report.html.j2").render(report=self)
+
+def render(template: str, **content: object) -> str:
+    """Return a page of one of the templates beside this file."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("tensegra.report", "."),
+        # Not by the name's suffix: what is not HTML is included in HTML.
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(**content)
 
 
 def write_report(campaign: Campaign, output: Path | None = None, *, listener: Listener = deaf) -> Path:

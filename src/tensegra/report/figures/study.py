@@ -31,7 +31,10 @@ if TYPE_CHECKING:
 __all__ = ["design_figure", "outcome_figure", "output_figure", "parity_figure", "selection_figure"]
 
 MOST_POINTS = 4000
-"""Dots that still tell more than a black square; of more, every n-th is drawn."""
+"""Dots that still tell more than a black square; of more, as many are drawn at random.
+
+Every n-th point of Sobol's sequence may keep to a part of the box, so that a stride would mislead.
+"""
 
 MOST_GROUPS = 5
 """Groups that are told apart; further ones are drawn together."""
@@ -150,7 +153,7 @@ def selection_figure(study: Study, frame: "pd.DataFrame", selection: Selection) 
     kinds.append(("in no group", others, GREY, "x"))
     for axes, (first, second) in zip(panels, pairs, strict=False):
         for label, mask, colour, marker in kinds:
-            rows = np.flatnonzero(mask)[:: max(1, int(mask.sum()) // MOST_POINTS)]
+            rows = np.flatnonzero(mask)[_shown(int(mask.sum()))]
             if len(rows):
                 edge: dict[str, Any] = {} if marker == "x" else {"linewidths": 0}
                 axes.scatter(
@@ -228,4 +231,11 @@ def _ticks(axes: "Axes") -> None:
 
 
 def _thinned(frame: "pd.DataFrame") -> "pd.DataFrame":
-    return frame.iloc[:: max(1, len(frame) // MOST_POINTS)]
+    return frame.iloc[_shown(len(frame))]
+
+
+def _shown(n_rows: int) -> np.ndarray:
+    """Return the numbers of the rows that are drawn, in their order."""
+    if n_rows <= MOST_POINTS:
+        return np.arange(n_rows)
+    return np.sort(np.random.default_rng(0).choice(n_rows, MOST_POINTS, replace=False))
