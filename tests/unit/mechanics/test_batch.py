@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tensegra.errors import ModelError
-from tensegra.mechanics import PathSettings, solve_batch, solve_path
+from tensegra.mechanics import PathSettings, block, solve_batch, solve_path
 from tensegra.structure import Member, Structure, apply_changes, library, parse_structure
 
 SAME = 1e-9
@@ -244,3 +244,30 @@ def test_a_varied_run_that_does_not_snap_is_not_called_snapped():
     assert runs.status.tolist() == ["snapped", "stable"]
     assert runs.reason[1] == ""
     assert "snap" in runs.reason[0]
+
+
+@pytest.mark.parametrize("named", ["paper_beam", "paper_beam_slender"])
+def test_runs_far_from_the_nominal_moduli_go_in_lockstep_too(named, monkeypatch):
+    structure = getattr(library, named)()
+    share = np.linspace(0.5, 1.5, 11)
+    modulus = structure.materials["steel_rope"].youngs_modulus * share
+    actuation = np.full(share.size, 0.08)
+
+    def alone(*_args, **_kwargs):
+        raise AssertionError("a run was followed alone")
+
+    monkeypatch.setattr(block, "prepare", alone)
+    runs = solve_batch(
+        structure, actuation={"A14": actuation, "A23": actuation}, youngs_modulus={"steel_rope": modulus}
+    )
+    monkeypatch.undo()
+    assert set(runs.status) == {"stable"}
+    for run in (0, 10):
+        material = replace(structure.materials["steel_rope"], youngs_modulus=modulus[run])
+        varied = structure.replace(materials={**structure.materials, "steel_rope": material})
+        path = solve_path(varied, {"A14": 0.08, "A23": 0.08})
+        size = np.ptp(structure.coordinates, axis=0).max()
+        np.testing.assert_allclose(runs.nodes[run], path.final.nodes, atol=SAME * size)
+        np.testing.assert_allclose(
+            runs.displacement("z", [23])[run], path.displacement("z", [23]), atol=SAME * size
+        )
