@@ -1,9 +1,9 @@
 """Mechanics: how a structure balances, along a path, with proof."""
 
 from tensegra.mechanics.batch import Batch, solve_batch
-from tensegra.mechanics.follow import PathSettings
 from tensegra.mechanics.path import solve_path
 from tensegra.mechanics.results import Equilibrium, EquilibriumPath
+from tensegra.mechanics.settings import PathSettings
 from tensegra.mechanics.status import CriticalPoint, PathPoint, SlackEvent, Status
 
 __all__ = [

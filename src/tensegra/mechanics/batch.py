@@ -20,9 +20,9 @@ from tensegra.mechanics.block import (
     solve_block,
 )
 from tensegra.mechanics.derivatives import Derivative, ParameterKind
-from tensegra.mechanics.follow import PathSettings, Policy, Procedure, path_settings
 from tensegra.mechanics.inputs import Actuation
 from tensegra.mechanics.path import prepare
+from tensegra.mechanics.settings import PathSettings, Policy, Procedure, path_settings
 from tensegra.mechanics.status import Status, axis_index, index_of, names_in
 from tensegra.mechanics.variants import Variants
 from tensegra.structure import Structure

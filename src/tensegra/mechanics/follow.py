@@ -7,12 +7,10 @@ Where no step is small enough the stable branch has ended: the point is located,
 policy decides whether the path stops there or the structure settles into the equilibrium below.
 """
 
-from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from tensegra.errors import ModelError
 from tensegra.mechanics.arrays import BoolArray, FloatArray, path_lengths
 from tensegra.mechanics.equilibrium import (
     FLAT_TENSION,
@@ -26,13 +24,9 @@ from tensegra.mechanics.equilibrium import (
     unbalanced,
 )
 from tensegra.mechanics.inputs import StageInputs
+from tensegra.mechanics.settings import PathSettings
 from tensegra.mechanics.status import CriticalPoint, PathPoint, SlackEvent, Status
 from tensegra.mechanics.tangent import Tangent
-
-Policy = Literal["settle", "stop", "trace"]
-Procedure = Literal["adaptive", "stepped"]
-POLICIES: tuple[str, ...] = get_args(Policy)
-PROCEDURES: tuple[str, ...] = get_args(Procedure)
 
 SNAP = 1e-4
 """A fall that moves no node by this share of the structure's size has not left the branch."""
@@ -48,58 +42,6 @@ FARTHEST_FALL = 0.02
 
 PRESTRESS_GONE = 1e-3
 """Where the branch ends with less than this share of the reference tension left, it is a collapse."""
-
-
-@dataclass(frozen=True)
-class PathSettings:
-    """How a path is followed.
-
-    Attributes
-    ----------
-    policy
-        What to do where the stable branch ends: ``settle`` into the stable equilibrium that a
-        slowly loaded structure falls into, ``stop``, or ``trace`` the unstable branch by arc length.
-    first_step
-        First increment of the path parameter.
-    smallest_step
-        Increment below which the branch is held to end; critical points are located to it.
-    largest_move
-        Largest move of a coordinate in one step, as a share of the structure's size.
-    contraction
-        Ratio of successive Newton corrections above which a step is cut.
-    max_steps
-        Steps of one stage after which it fails.
-    path
-        ``adaptive``, or ``stepped``: the plain procedure of the source, in fixed increments.
-    increment
-        Largest relative change of a rest length in one increment of the stepped procedure.
-    """
-
-    policy: Policy = "settle"
-    first_step: float = 0.25
-    smallest_step: float = 2e-7
-    largest_move: float = 0.05
-    contraction: float = 0.5
-    max_steps: int = 20_000
-    path: Procedure = "adaptive"
-    increment: float = 0.01
-
-
-def path_settings(
-    settings: PathSettings | None, path: Procedure | None, policy: Policy | None
-) -> PathSettings:
-    """Return the settings with the procedure and the policy that a caller names apart from them.
-
-    Raises
-    ------
-    ModelError
-        For a procedure or a policy that there is not.
-    """
-    result = settings or PathSettings()
-    for what, value, known in (("path", path, PROCEDURES), ("policy", policy, POLICIES)):
-        if value is not None and value not in known:
-            raise ModelError.at(what, value, f"one of {', '.join(known)}", candidates=known)
-    return replace(result, path=path or result.path, policy=policy or result.policy)
 
 
 @dataclass(eq=False)

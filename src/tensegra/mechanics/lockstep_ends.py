@@ -11,12 +11,13 @@ import numpy as np
 
 from tensegra.mechanics.arrays import FloatArray, IndexArray
 from tensegra.mechanics.equilibrium import FLAT_TENSION, ZERO_EIGENVALUE, Load, unbalanced
-from tensegra.mechanics.follow import FARTHEST_FALL, PRESTRESS_GONE, PathSettings, StageRun
+from tensegra.mechanics.follow import FARTHEST_FALL, PRESTRESS_GONE, StageRun
 from tensegra.mechanics.inputs import StageInputs
 from tensegra.mechanics.lockstep_data import BRANCH_ENDS, FLAT, LOST, NOT_DEFINITE, STANDS, Outcome
 from tensegra.mechanics.lockstep_solver import LockstepSolver
 from tensegra.mechanics.path import certify_end
 from tensegra.mechanics.results import Equilibrium
+from tensegra.mechanics.settings import PathSettings
 from tensegra.mechanics.status import CriticalPoint, Status
 from tensegra.mechanics.stepped import end_where_not_definite, n_increments, not_converged, prestress_lost
 from tensegra.mechanics.tangent import Tangent

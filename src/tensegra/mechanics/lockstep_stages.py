@@ -8,11 +8,11 @@ import numpy as np
 from tensegra.mechanics.arrays import BoolArray, FloatArray, StructureArrays, path_lengths
 from tensegra.mechanics.derivatives import Direction
 from tensegra.mechanics.equilibrium import FLAT_TENSION
-from tensegra.mechanics.follow import PathSettings
 from tensegra.mechanics.inputs import Inputs, StageInputs, initial_inputs, nodal_forces, stage_inputs
 from tensegra.mechanics.lockstep_data import STANDS, Outcome
 from tensegra.mechanics.lockstep_solver import CAREFUL_STEP, LockstepSolver
 from tensegra.mechanics.path import Prepared, stage_targets
+from tensegra.mechanics.settings import PathSettings
 
 
 def follow_stage(

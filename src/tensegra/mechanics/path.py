@@ -8,15 +8,7 @@ import numpy as np
 from tensegra.mechanics.arrays import FloatArray, StructureArrays, structure_arrays
 from tensegra.mechanics.derivatives import Given
 from tensegra.mechanics.equilibrium import Load, unbalanced
-from tensegra.mechanics.follow import (
-    PathSettings,
-    Policy,
-    Procedure,
-    StageFollower,
-    StageRun,
-    path_settings,
-    reference_tension,
-)
+from tensegra.mechanics.follow import StageFollower, StageRun, reference_tension
 from tensegra.mechanics.inputs import (
     Actuation,
     Inputs,
@@ -27,6 +19,7 @@ from tensegra.mechanics.inputs import (
     stage_inputs,
 )
 from tensegra.mechanics.results import Equilibrium, EquilibriumPath
+from tensegra.mechanics.settings import PathSettings, Policy, Procedure, path_settings
 from tensegra.mechanics.stability import LARGEST_LISTED, free_mechanisms
 from tensegra.mechanics.start import first_stage
 from tensegra.mechanics.status import Status
