@@ -30,7 +30,7 @@ Progress: TypeAlias = Callable[[int, int, int], object]
 SECONDS_PER_BLOCK = 1.0
 """Work in a block: little to lose with a killed driver, much beside what starting and storing it costs."""
 
-BLOCKS_PER_CAMPAIGN = 32
+BLOCKS_PER_CAMPAIGN = 16
 """Blocks of a campaign at least, so that one whose runs are quick tells how far it is, too."""
 
 BLOCK_SIZES = (16, 16_384)

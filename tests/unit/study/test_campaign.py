@@ -342,7 +342,7 @@ def sizes(blocks, seconds_per_run, delay=0):
 @pytest.mark.parametrize(
     ("n_points", "seconds_per_run", "largest"),
     [
-        (100_000, 1e-5, 3125),  # a thirty-second of the campaign
+        (100_000, 1e-5, 6250),  # a sixteenth of the campaign
         (10_000_000, 1e-5, 16_384),
         (100_000, 1e-2, 100),  # a second
         (100_000, 10.0, 16),

