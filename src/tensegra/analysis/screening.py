@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegra.analysis.blockruns import CHUNK, ask_blocks, unit_cube
 from tensegra.analysis.inputs import RandomInputs, random_inputs
 from tensegra.analysis.model import as_model, column_index
 from tensegra.analysis.results import plain
@@ -30,7 +31,6 @@ RESAMPLES = 200
 MIN_TRAJECTORIES = 4
 # Probability left out at an end where a law is infinite, so that its range is finite.
 TAIL = 0.01
-CHUNK = 4096
 
 
 @dataclass(frozen=True)
@@ -191,18 +191,16 @@ def morris_screening(
     wanted = tuple(outputs or asked.output_names)
     columns = column_index(asked.output_names, wanted, "morris.outputs")
     U = _trajectories(laws, trajectories, levels, seed)
-    X = laws.from_unit(_range(laws, U))
-    values, valid = np.empty((len(U), len(wanted))), np.empty(len(U), dtype=bool)
-    statuses: dict[str, int] = {}
-    for start in range(0, len(U), chunk):
-        rows = slice(start, start + chunk)
-        answer = asked.evaluate(X[rows])
-        values[rows], valid[rows] = answer.values[:, columns], answer.valid
-        for status, count in answer.tally().items():
-            statuses[status] = statuses.get(status, 0) + count
-        if progress is not None:
-            progress(min(start + chunk, len(U)), len(U))
-    kept = np.asarray(valid.reshape(trajectories, -1).all(axis=1))
+    runs = ask_blocks(
+        asked,
+        columns,
+        U,
+        lambda points: laws.from_unit(_range(laws, points)),
+        trajectories,
+        chunk=chunk,
+        progress=progress,
+    )
+    kept = runs.kept
     rows_kept = np.repeat(kept, laws.n_dimensions + 1)
     units = asked.units
     effects = {
@@ -210,7 +208,7 @@ def morris_screening(
             laws,
             (output, units.get(output, "")),
             U[rows_kept],
-            values[rows_kept, k],
+            runs.values[rows_kept, k],
             levels,
             confidence,
             seed,
@@ -226,24 +224,19 @@ def morris_screening(
         n_asked=trajectories,
         n_trajectories=int(kept.sum()),
         n_runs=len(U),
-        n_failed=int((~valid).sum()),
-        statuses=statuses,
+        n_failed=runs.n_failed,
+        statuses=runs.statuses,
         input_names=laws.independent,
         laws=laws.describe(),
         effects=effects,
     )
 
 
-def _problem(laws: RandomInputs) -> dict[str, Any]:
-    d = laws.n_dimensions
-    return {"num_vars": d, "names": list(laws.independent), "bounds": [[0.0, 1.0]] * d}
-
-
 def _trajectories(laws: RandomInputs, trajectories: int, levels: int, seed: int) -> Array:
     from SALib.sample import morris
 
     rng = np.random.default_rng(seed)
-    return np.asarray(morris.sample(_problem(laws), trajectories, num_levels=levels, seed=rng))
+    return np.asarray(morris.sample(unit_cube(laws), trajectories, num_levels=levels, seed=rng))
 
 
 def _range(laws: RandomInputs, U: Array) -> Array:
@@ -272,7 +265,7 @@ def _effects(
     from SALib.analyze import morris
 
     found = morris.analyze(
-        _problem(laws),
+        unit_cube(laws),
         U,
         values,
         num_resamples=RESAMPLES,

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegra.analysis.blockruns import CHUNK, ask_blocks, unit_cube
 from tensegra.analysis.inputs import RandomInputs, random_inputs
 from tensegra.analysis.model import as_model, column_index
 from tensegra.analysis.results import plain
@@ -30,7 +31,6 @@ Array = NDArray[np.float64]
 RESAMPLES = 200
 # Smallest number of blocks for which a bootstrap interval means anything.
 MIN_BLOCKS = 16
-CHUNK = 4096
 
 
 @dataclass(frozen=True)
@@ -221,19 +221,9 @@ def sobol_indices(
     wanted = tuple(outputs or asked.output_names)
     columns = column_index(asked.output_names, wanted, "sensitivity.outputs")
     U = _saltelli(laws, samples, seed, second_order=second_order)
-    values = np.empty((len(U), len(wanted)))
-    valid = np.empty(len(U), dtype=bool)
-    statuses: dict[str, int] = {}
-    for start in range(0, len(U), chunk):
-        rows = slice(start, start + chunk)
-        answer = asked.evaluate(laws.from_unit(U[rows]))
-        values[rows], valid[rows] = answer.values[:, columns], answer.valid
-        for status, count in answer.tally().items():
-            statuses[status] = statuses.get(status, 0) + count
-        if progress is not None:
-            progress(min(start + chunk, len(U)), len(U))
-    kept = np.asarray(valid.reshape(samples, -1).all(axis=1))
-    blocks = values.reshape(samples, -1, len(wanted))
+    runs = ask_blocks(asked, columns, U, laws.from_unit, samples, chunk=chunk, progress=progress)
+    kept = runs.kept
+    blocks = runs.values.reshape(samples, -1, len(wanted))
     sizes = tuple(2**m for m in range(6, samples.bit_length() - 1) if kept[: 2**m].sum() >= MIN_BLOCKS)
     estimator = _Estimator(laws, confidence, resamples, seed)
     units = asked.units
@@ -252,8 +242,8 @@ def sobol_indices(
         n_base=samples,
         n_blocks=int(kept.sum()),
         n_runs=len(U),
-        n_failed=int((~valid).sum()),
-        statuses=statuses,
+        n_failed=runs.n_failed,
+        statuses=runs.statuses,
         input_names=laws.independent,
         laws=laws.describe(),
         indices=indices,
@@ -262,17 +252,11 @@ def sobol_indices(
     )
 
 
-def _problem(laws: RandomInputs) -> dict[str, Any]:
-    """Describe the unit cube to SALib; the laws are applied afterwards, by our own quantile functions."""
-    d = laws.n_dimensions
-    return {"num_vars": d, "names": list(laws.independent), "bounds": [[0.0, 1.0]] * d}
-
-
 def _saltelli(laws: RandomInputs, samples: int, seed: int, *, second_order: bool) -> Array:
     from SALib.sample import sobol
 
     U = sobol.sample(
-        _problem(laws), samples, calc_second_order=second_order, seed=np.random.default_rng(seed)
+        unit_cube(laws), samples, calc_second_order=second_order, seed=np.random.default_rng(seed)
     )
     return np.asarray(np.clip(U, 2.0**-31, 1.0 - 2.0**-31))  # a quantile function may be infinite at the ends
 
@@ -301,7 +285,7 @@ class _Estimator:
         from SALib.analyze import sobol
 
         found = sobol.analyze(
-            _problem(self.laws),
+            unit_cube(self.laws),
             blocks.ravel(),
             calc_second_order=second_order,
             num_resamples=self.resamples,
