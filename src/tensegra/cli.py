@@ -100,7 +100,8 @@ def solve(
         ),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Write every step of the path to a Parquet file.")
+        Path | None,
+        typer.Option("--output", "-o", help="Write every step of the path to a .parquet or .csv file."),
     ] = None,
     settle_start: Annotated[
         bool, typer.Option("--settle-start", help="Let a start that does not stand fall first.")

@@ -14,6 +14,7 @@ from tensegra.report.tables import (
     check_lines,
     displacement_table,
     event_table,
+    reaction_table,
     stage_table,
     structure_table,
     tension_table,
@@ -91,6 +92,7 @@ def show_path(path: "EquilibriumPath", *, as_json: bool = False) -> None:
         if path.actuation is not None:
             _print_table(displacement_table(path))
         _print_table(tension_table(path.final))
+        _print_table(reaction_table(path.final))
     slack = path.final.slack_members
     if slack:
         _print_line(f"Slack: {', '.join(slack)}.")

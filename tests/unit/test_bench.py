@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import tensegra.benchmark
-from tensegra.benchmark import FULL, QUICK, Sizes, batches, growth, measure, peers, to_markdown
-from tensegra.benchmark.batches import Batches, beam_designs, measure_batches, solve
+from tensegra.benchmark import FULL, QUICK, Sizes, growth, measure, peers, to_markdown
+from tensegra.benchmark.batches import Batches, measure_batches
 from tensegra.benchmark.kernel_times import PARTS, Pack
 from tensegra.benchmark.processes import measure_first_call, measure_memory
 from tensegra.benchmark.roofline import PER_BLOCK, PER_PIVOT, factor_work
@@ -60,17 +60,6 @@ def test_every_design_is_timed_on_every_number_of_threads(tiny):
         assert row.ratio.repeats == row.seconds_per_run.repeats == TINY.repeats
         assert 0.0 < row.ratio.best <= row.ratio.median <= row.ratio.worst
         assert (row.against_plain is not None) == row.design.endswith("derivatives")
-
-
-def test_the_share_in_lockstep_is_that_of_the_runs_that_were_not_given_back(tiny, monkeypatch):
-    shares = {row.design: row.lockstep_share for row in tiny[0].batches.rows if row.threads == 1}
-    assert shares["five variables"] == 1.0
-    assert 0.0 < shares["30 %, no gravity"] <= 1.0
-    monkeypatch.setattr("tensegra.mechanics.block.collapses", lambda *_: ())  # gives all of them back
-    batch = solve(beam_designs(12)["strong"], 1)
-    alone = batches._alone(batch)
-    assert 0 < alone.sum() < 12
-    assert np.array_equal(alone, batch.status == "collapsed")
 
 
 def test_all_sizes_and_kernels_are_there(tiny):

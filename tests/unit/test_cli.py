@@ -147,6 +147,7 @@ def test_solve_for_people(tensegra):
     assert code == 0
     assert "Displacements from the last stage, cm" in out
     assert "Tensions, kN" in out
+    assert "Reactions, kN" in out
     assert "The history is stable." in out
 
 
@@ -157,6 +158,13 @@ def test_solve_writes_the_path(tensegra):
     frame = pd.read_parquet("path.parquet")
     assert {"stage", "parameter", "x_2", "tension_K1"} <= set(frame)
     assert frame["stage"].iloc[-1] == "actuation"
+
+
+@pytest.mark.usefixtures("_files")
+def test_solve_writes_the_path_as_csv_too(tensegra):
+    code, *_ = tensegra("solve", "rope.yaml", "-a", "A=0.01", "-o", "path.csv")
+    assert code == 0
+    assert pd.read_csv("path.csv")["stage"].iloc[-1] == "actuation"
 
 
 def test_an_unstable_start_is_no_failure_if_the_history_ends_stable(tensegra, request):
@@ -369,7 +377,7 @@ def test_a_study_that_cannot_be_is_refused_in_one_line(tensegra, keys, value, me
         (("solve", "rope.yaml", "-a", "AA=0.1"), "found 'AA', expected an actuator"),
         (("solve", "rope.yaml", "-a", "A=1"), "actuation A"),
         (("solve", "rope.yaml", "-t", "K9=1"), "found 'K9'"),
-        (("solve", "rope.yaml", "-o", "path.csv"), "-o: found 'path.csv'"),
+        (("solve", "rope.yaml", "-o", "path.xls"), "-o: found 'path.xls'"),
         (("run", "nothing.yaml"), "nothing.yaml: no such file"),
         (("run", "rope.yaml"), "rope.yaml"),
         (("status", "."), "no campaign is here"),

@@ -8,7 +8,6 @@ import numpy as np
 
 from tensegra.benchmark.timing import REFERENCE, Spread, Timed, blas_in_words, interleaved
 from tensegra.mechanics import Batch, solve_batch
-from tensegra.mechanics import batch as batch_module
 from tensegra.mechanics.arrays import FloatArray
 from tensegra.report.tables import Table
 from tensegra.structure import Structure, library
@@ -68,10 +67,6 @@ class BatchRow:
         Of all runs that did not fail.
     iterations
         Newton iterations a run, the mean.
-    lockstep_share
-        Share of the runs that was not followed one by one.
-    lockstep_ratio
-        Median ratio of the part in lockstep alone; NaN where there are none.
     against_plain
         Time with derivatives over time without; None where no derivative was asked for.
     """
@@ -85,8 +80,6 @@ class BatchRow:
     lost: int
     largest_residual: float
     iterations: float
-    lockstep_share: float
-    lockstep_ratio: float
     against_plain: Spread | None = None
 
 
@@ -111,20 +104,19 @@ class Batches:
                 f"{1.0 / row.seconds_per_run.median:,.0f}",
                 f"{row.ratio.median:.2f}",
                 f"{row.ratio.best:.2f}–{row.ratio.worst:.2f}",
-                _known(row.lockstep_ratio, ".2f"),
                 f"{row.cores:.2f}",
             )
             for row in self.rows
         ]
-        header = ("Runs", "Number", "Threads", "Runs/s", "Ratio", "From–to", "Lockstep", "Cores")
+        header = ("Runs", "Number", "Threads", "Runs/s", "Ratio", "From–to", "Cores")
         note = (
             f"Ratio: processor time of a run over the time of one {REFERENCE}, "
             f"{1e6 * self.reference.median:.2f} µs ({1e6 * self.reference.best:.2f}–"
             f"{1e6 * self.reference.worst:.2f}) by {self.library}, on one thread, called from Python. "
-            "Lockstep: the same of the part in lockstep alone. Cores: processor time over wall-clock time. "
+            "Cores: processor time over wall-clock time. "
             "Medians of the rounds, each of which times everything once; from the best to the worst round."
         )
-        return Table.of("Many runs of the beam: time", header, rows, "lrrrrrrr", note)
+        return Table.of("Many runs of the beam: time", header, rows, "lrrrrrr", note)
 
     def _outcomes(self) -> Table:
         first = {(row.design, row.n_runs): row for row in reversed(self.rows)}
@@ -132,7 +124,6 @@ class Batches:
             (
                 row.design,
                 f"{row.n_runs:,}",
-                f"{100 * row.lockstep_share:.1f}",
                 f"{row.iterations:.1f}",
                 str(row.lost),
                 f"{row.largest_residual:.1e}",
@@ -140,16 +131,9 @@ class Batches:
             )
             for row in reversed(first.values())
         ]
-        header = ("Runs", "Number", "In lockstep", "Iterations", "Failed", "Residual", "Derivatives")
-        note = (
-            "In lockstep: share of the runs [%]. Residual: the largest. Derivatives: processor time with "
-            "them over that without."
-        )
-        return Table.of("Many runs of the beam: outcome", header, rows, "lrrrrrr", note)
-
-
-def _known(value: float, form: str) -> str:
-    return format(value, form) if np.isfinite(value) else "–"
+        header = ("Runs", "Number", "Iterations", "Failed", "Residual", "Derivatives")
+        note = "Residual: the largest. Derivatives: processor time with them over that without."
+        return Table.of("Many runs of the beam: outcome", header, rows, "lrrrrr", note)
 
 
 def beam_designs(n_runs: int, seed: int = SEED) -> dict[str, Design]:
@@ -214,19 +198,14 @@ def measure_batches(
     kept: dict[str, Batch] = {}
     works = dict(_works(n_runs, threads, many))
     labels = {name: (design, n) for name, (design, n, _) in works.items()}
-    split: dict[str, list[float]] = {name: [] for name in works}
 
     def doing(name: str, work: Callable[[], Batch]) -> None:
         kept[name] = work()
-        split[name].append(_lockstep_seconds(kept[name]))
 
     timed = interleaved(
         {name: partial(doing, name, work) for name, (_, _, work) in works.items()}, repeats, tell=tell
     )
-    rows = tuple(
-        _row(design, n, name, kept[name], timed, np.array(split[name][1:]))
-        for name, (design, n) in labels.items()
-    )
+    rows = tuple(_row(design, n, name, kept[name], timed) for name, (design, n) in labels.items())
     return Batches(Spread.of(timed.reference), blas_in_words(), rows)
 
 
@@ -244,11 +223,7 @@ def _works(
         yield "many", (design, max(threads), partial(solve, design, max(threads)))
 
 
-def _row(
-    design: Design, threads: int, name: str, batch: Batch, timed: Timed, lockstep: FloatArray
-) -> BatchRow:
-    n_lockstep = int(np.sum(~_alone(batch)))
-    of_lockstep = timed.cpu[name] * lockstep / timed.wall[name]
+def _row(design: Design, threads: int, name: str, batch: Batch, timed: Timed) -> BatchRow:
     plain = f"five {threads}" if name.startswith("derivatives") else None
     failed = batch.status == "failed"
     return BatchRow(
@@ -261,30 +236,5 @@ def _row(
         lost=int(np.sum(failed)),
         largest_residual=float(np.max(batch.residual[~failed], initial=0.0)),
         iterations=float(np.mean(batch.iterations)),
-        lockstep_share=n_lockstep / batch.n_runs,
-        lockstep_ratio=float(np.median(of_lockstep / n_lockstep / timed.reference)) if n_lockstep else np.nan,
         against_plain=None if plain is None else timed.ratio(name, to=plain),
     )
-
-
-def _alone(batch: Batch) -> np.ndarray:
-    """Tell which runs were followed one by one: the others of their block share one time."""
-    alone = np.ones(batch.n_runs, dtype=np.bool_)
-    for block in _blocks(batch):
-        values, counts = np.unique(batch.seconds[block], return_counts=True)
-        alone[block] = batch.seconds[block] != values[np.argmax(counts)]
-    return alone
-
-
-def _lockstep_seconds(batch: Batch) -> float:
-    """Return the time that was spent in lockstep, also on the runs that were given back."""
-    total = 0.0
-    for block in _blocks(batch):
-        values, counts = np.unique(batch.seconds[block], return_counts=True)
-        total += float(values[np.argmax(counts)]) * len(batch.seconds[block])
-    return total
-
-
-def _blocks(batch: Batch) -> list[slice]:
-    size = batch_module.BLOCK
-    return [slice(first, first + size) for first in range(0, batch.n_runs, size)]

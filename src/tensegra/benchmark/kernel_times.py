@@ -5,13 +5,13 @@ import time
 import numpy as np
 
 from tensegra.benchmark.timing import one_blas_thread
-from tensegra.mechanics import kernels, tick
-from tensegra.mechanics.arrays import FloatArray, IndexArray
+from tensegra.mechanics import kernels, step
+from tensegra.mechanics.arrays import FloatArray
 from tensegra.mechanics.compiled import njit
 from tensegra.mechanics.inputs import effective_rest_length, nodal_forces
 from tensegra.mechanics.lanes import WIDTH, load, store
-from tensegra.mechanics.lockstep_data import Lanes, Topology, lanes_for, topology_of
 from tensegra.mechanics.path import prepare
+from tensegra.mechanics.state import Lanes, Topology, Workspace
 from tensegra.structure import Structure
 
 __all__ = ["PARTS", "Pack", "fused_rate", "kernel_seconds", "matrix_product_rate"]
@@ -36,27 +36,34 @@ class Pack:
 
     def __init__(self, structure: Structure) -> None:
         prepared = prepare(structure)
-        arrays, last = prepared.arrays, prepared.equilibria[-1]
-        self.pattern = prepared.tangent.pattern
-        self.topology = topology_of(arrays, self.pattern)
-        self.lanes = lanes_for(arrays, self.pattern, 0)
-        self.place = np.zeros(self.pattern.n_blocks, dtype=np.int64)
+        ground, end = prepared.ground, prepared.ends[-1]
+        arrays, force = ground.arrays, nodal_forces(ground.arrays, prepared.inputs)
+        solver = ground.solver(ground.freedom(force), end.nodes[0])
+        self.pattern, self.topology = solver.pattern, solver.topology
+        self._shared = solver.shared  # what the addresses of the topology point to
+        self.work = Workspace(solver.shared, 0)
+        self.smallest_scale = step.LENGTH_ROUNDING / solver.control.tolerance
         rest_length = effective_rest_length(arrays, prepared.inputs)
         for field, values in (
-            (self.lanes.x, last.nodes.reshape(-1)),
-            (self.lanes.coefficients, rest_length),
-            (self.lanes.stiffness, arrays.stiffness),
-            (self.lanes.loads_start, nodal_forces(arrays, prepared.inputs).reshape(-1)),
-            (self.lanes.stress, last.tensions),
-            (self.lanes.scale, np.max(arrays.stiffness / rest_length)),
+            (self.work.x, end.nodes[0].reshape(-1)),
+            (self.work.coefficients, rest_length),
+            (self.work.stiffness, arrays.stiffness),
+            (self.work.loads_start, force.reshape(-1)),
+            (self.work.stress, end.tensions[0]),
+            (self.work.scale, np.max(arrays.stiffness / rest_length)),
         ):
             field[:] = np.reshape(values, (-1, 1))
 
     @property
     def residual(self) -> float:
         """Relative residual that the kernels find at the equilibrium."""
-        _repeat(TICK, 1, self.topology, self.lanes, self.place, self.lanes.blocks.copy())
-        return float(self.lanes.residual.max())
+        self.repeat(TICK, 1)
+        return float(self.work.residual.max())
+
+    def repeat(self, part: int, calls: int, saved: FloatArray | None = None) -> None:
+        """Do a part of a tick over and over, on a copy of the blocks `saved` where it destroys them."""
+        blocks = self.work.blocks.copy() if saved is None else saved
+        _repeat(part, calls, self.topology, self.work.lanes, self.smallest_scale, blocks)
 
 
 def kernel_seconds(pack: Pack, rounds: int, calls: int = 2000) -> dict[str, FloatArray]:
@@ -69,16 +76,16 @@ def kernel_seconds(pack: Pack, rounds: int, calls: int = 2000) -> dict[str, Floa
     >>> sorted(times) == sorted(PARTS)
     True
     """
-    _repeat(TICK, 1, pack.topology, pack.lanes, pack.place, pack.lanes.blocks.copy())
-    _repeat(ASSEMBLE, 1, pack.topology, pack.lanes, pack.place, pack.lanes.blocks.copy())
-    stiffness = pack.lanes.blocks.copy()
+    pack.repeat(TICK, 1)
+    pack.repeat(ASSEMBLE, 1)
+    stiffness = pack.work.blocks.copy()
     times: dict[str, list[float]] = {name: [] for name in PARTS}
     for _ in range(rounds):
         copying = _seconds(pack, COPY, calls, stiffness)
         for name, part in PARTS.items():
             # Only the factorisation destroys what it reads; the others see a factor.
             if part != FACTORISE:
-                _repeat(TICK, 1, pack.topology, pack.lanes, pack.place, stiffness)
+                pack.repeat(TICK, 1)
             took = _seconds(pack, part, calls, stiffness)
             times[name].append((took - copying if part == FACTORISE else took) / WIDTH)
     return {name: np.array(values) for name, values in times.items()}
@@ -86,53 +93,40 @@ def kernel_seconds(pack: Pack, rounds: int, calls: int = 2000) -> dict[str, Floa
 
 def _seconds(pack: Pack, part: int, calls: int, saved: FloatArray) -> float:
     began = time.process_time()
-    _repeat(part, calls, pack.topology, pack.lanes, pack.place, saved)
+    pack.repeat(part, calls, saved)
     return (time.process_time() - began) / calls
 
 
 @njit
 def _repeat(  # noqa: C901 - one branch a kernel
-    part: int, calls: int, topology: Topology, lanes: Lanes, place: IndexArray, saved: FloatArray
+    part: int, calls: int, topology: Topology, lanes: Lanes, smallest_scale: float, saved: FloatArray
 ) -> None:
-    action = np.full(WIDTH, tick.IDLE)
     for _ in range(calls):
         if part in (COPY, FACTORISE):
             for i in range(saved.shape[0]):
                 store(lanes.blocks, i, load(saved, i))
         if part == MEASURE:
-            kernels.measure(
-                lanes.x, lanes.rest_length, lanes.stiffness, lanes.taut, topology.segment_nodes,
-                topology.segment_start, lanes.unit, lanes.inverse_length, lanes.length, lanes.tension,
-                lanes.axial,
-            )  # fmt: skip
+            kernels.measure(topology, lanes)
         elif part == FORCE:
-            kernels.internal_force(
-                lanes.unit, lanes.tension, topology.segment_nodes, topology.segment_start, lanes.force
-            )
+            kernels.internal_force(topology, lanes, lanes.tension, lanes.force)
         elif part == ASSEMBLE:
-            kernels.assemble(
-                lanes.unit, lanes.inverse_length, lanes.stress, lanes.axial, topology.segment_nodes,
-                topology.segment_start, topology.node_block, topology.column_start, topology.segment_entry,
-                topology.path_start, topology.segment_local, topology.pair_start, topology.pair_local,
-                topology.pair_entry, topology.held_entry, topology.held_diagonal, lanes.scale,
-                lanes.gradient, lanes.blocks,
-            )  # fmt: skip
+            kernels.assemble(topology, lanes)
         elif part == FACTORISE:
-            kernels.factorise(
-                topology.column_start, topology.row, topology.left_start, topology.left_column,
-                topology.left_entry, lanes.shift, lanes.scale, place, lanes.blocks, lanes.pivot_inverse,
-                lanes.n_negative,
-            )  # fmt: skip
+            kernels.factorise(topology, lanes)
         elif part == SOLVE:
-            kernels.solve(
-                topology.column_start, topology.row, lanes.blocks, lanes.pivot_inverse, lanes.second
-            )
+            kernels.solve(topology, lanes, lanes.second)
         elif part == TICK:
-            tick.tick(topology, lanes, place)
+            # As the follower does it.
+            step.prescribe(topology, lanes)
+            step.taut_by_stress(topology, lanes)
+            step.carried_by(topology, lanes)
+            kernels.measure(topology, lanes)
+            step.balance(topology, lanes, smallest_scale)
+            step.factorise(topology, lanes)
         elif part == CORRECT:
-            tick.correct(topology, lanes, action)
+            step.correct(topology, lanes)  # no lane is active: the pack stays where it is
         elif part == DIFFERENTIATE:
-            tick.differentiate(topology, lanes, action)
+            step.differentiate(topology, lanes)
 
 
 def matrix_product_rate(order: int = 192, calls: int = 20) -> float:

@@ -18,6 +18,9 @@ BoolArray = NDArray[np.bool_]
 
 AXES = "xyz"
 
+FAR = 10.0
+"""Sizes from the origin beyond which a structure is measured about a point of its own."""
+
 
 @dataclass(frozen=True, eq=False)
 class StructureArrays:
@@ -31,7 +34,7 @@ class StructureArrays:
     node_ids, member_ids
         Names, in the order of the arrays.
     coordinates
-        Given positions, shape ``(n_nodes, 3)``, unit of length.
+        Given positions about `origin`, shape ``(n_nodes, 3)``, unit of length.
     free
         True where a coordinate may move, shape ``(n_nodes, 3)``.
     segment_nodes
@@ -52,6 +55,9 @@ class StructureArrays:
         Weight lumped to the nodes by the given segment lengths, shape ``(n_nodes,)``, unit of force.
     size
         Largest extent of the given coordinates: the length to which moves are compared.
+    origin
+        What has been taken off all coordinates, ``(3,)``: nothing, but of a structure far from the origin,
+        whose lengths would lose their digits.
     """
 
     node_ids: tuple[str, ...]
@@ -67,6 +73,7 @@ class StructureArrays:
     thermal_expansion: FloatArray
     nodal_weight: FloatArray
     size: float
+    origin: FloatArray
     node_index: dict[str, int] = field(repr=False)
     member_index: dict[str, int] = field(repr=False)
 
@@ -106,6 +113,11 @@ def structure_arrays(structure: Structure) -> StructureArrays:
     node_index = {node: i for i, node in enumerate(node_ids)}
     coordinates = np.array([structure.nodes[node] for node in node_ids], dtype=np.float64)
 
+    size = float(np.ptp(coordinates, axis=0).max())
+    centre = coordinates.mean(axis=0)
+    origin = np.where(np.abs(centre) > FAR * size, centre, 0.0)
+    coordinates = coordinates - origin
+
     free = np.ones((len(node_ids), 3), dtype=np.bool_)
     for node, axes in structure.supports.items():
         for axis in axes:
@@ -133,7 +145,8 @@ def structure_arrays(structure: Structure) -> StructureArrays:
         rest_length=np.array([member.rest_length for member in structure.members.values()]),
         thermal_expansion=np.array([structure.thermal_expansion(member) for member in member_ids]),
         nodal_weight=np.zeros(len(node_ids)),
-        size=float(np.ptp(coordinates, axis=0).max()),
+        size=size,
+        origin=origin,
         node_index=node_index,
         member_index={member: e for e, member in enumerate(member_ids)},
     )

@@ -2,14 +2,15 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegra.errors import ModelError
-from tensegra.mechanics.arrays import FloatArray
+from tensegra.mechanics.arrays import FloatArray, structure_arrays
 from tensegra.mechanics.block import (
     LOCKSTEP_KINDS,
     Parameter,
@@ -17,13 +18,18 @@ from tensegra.mechanics.block import (
     differentiate_block,
     n_runs_of,
     part,
+    run_end,
     solve_block,
 )
 from tensegra.mechanics.derivatives import Derivative, ParameterKind
+from tensegra.mechanics.endloads import end_loads
 from tensegra.mechanics.inputs import Actuation
-from tensegra.mechanics.path import prepare
+from tensegra.mechanics.path import prepare, softest_modes
+from tensegra.mechanics.reactions import reactions
 from tensegra.mechanics.settings import PathSettings, Policy, Procedure, path_settings
+from tensegra.mechanics.stability import free_mechanisms
 from tensegra.mechanics.status import Status, axis_index, index_of, names_in
+from tensegra.mechanics.stages import Ground
 from tensegra.mechanics.variants import Variants
 from tensegra.structure import Structure
 
@@ -45,15 +51,15 @@ class Batch(RunResults):
         What the runs prescribe after and before the stages.
     parameters
         What was differentiated by along with the solution, as pairs of kind and name.
-    threads
-        Threads for what is still computed on demand, such as derivatives.
+    ground
+        What all their histories share, for what is still computed on demand.
     """
 
     structure: Structure
     inputs: Actuation
     variants: Variants
+    ground: Ground
     parameters: tuple[Parameter, ...] = ()
-    threads: int = 1
 
     def __repr__(self) -> str:
         names, counts = np.unique(self.status, return_counts=True)
@@ -95,6 +101,22 @@ class Batch(RunResults):
         """Tension of a member, shape ``(n_runs,)``."""
         return self.tensions[:, index_of(self.structure.members, member, "member")]
 
+    @cached_property
+    def reactions(self) -> FloatArray:
+        """Forces of the supports on the structure, ``(n_runs, n_nodes, 3)``, computed when asked for."""
+        arrays = structure_arrays(self.structure)
+        loads = end_loads(self.structure, self.inputs, self.variants, self.parameter)
+        blocks = (
+            reactions(arrays, self.nodes[runs], self.tensions[runs], loads[runs])
+            for runs in _blocks(self.n_runs)
+        )
+        return np.concatenate(list(blocks))
+
+    def reaction(self, axis: str, nodes: str | int | Sequence[str | int]) -> FloatArray:
+        """Sum of the reactions at the named nodes along an axis, shape ``(n_runs,)``."""
+        total: FloatArray = self.reactions[:, self._rows(nodes), axis_index(axis)].sum(axis=1)
+        return total
+
     def derivative(self, name: object, of: ParameterKind = "actuation") -> Derivative:
         """Differentiate positions and tensions of all runs by one parameter, exactly.
 
@@ -132,9 +154,10 @@ class Batch(RunResults):
                 self.structure,
                 part(self.inputs, runs),
                 self.variants.part(runs),
+                self.ground,
                 self.nodes[runs],
+                self.start[runs] if len(self.start) > 1 else self.start,
                 np.isin(self.status[runs], (Status.STABLE, Status.SNAPPED)),
-                self.threads,
                 of,
                 name,
             )
@@ -144,6 +167,20 @@ class Batch(RunResults):
             np.concatenate([block.nodes for block in blocks]),
             np.concatenate([block.tensions for block in blocks]),
         )
+
+    def mechanisms(self, run: int) -> tuple[tuple[str, ...], ...]:
+        """Name the nodes that each free mechanism moves most where a run has collapsed; none elsewhere.
+
+        Parameters
+        ----------
+        run
+            Its place.
+        """
+        if self.status[run] != Status.COLLAPSED:
+            return ()
+        end = run_end(self.structure, self.ground, self.inputs, self.variants, run, self.parameter[run])
+        nodes = self.nodes[run] - self.ground.arrays.origin
+        return free_mechanisms(end.arrays, end.motions, nodes, end.load)
 
     def _rows(self, nodes: str | int | Sequence[str | int]) -> list[int]:
         return [index_of(self.structure.nodes, node, "node") for node in names_in(nodes)]
@@ -197,7 +234,7 @@ def solve_batch(
     policy
         What to do where a stable path ends: ``settle``, the default, ``stop`` or ``trace``.
     settings
-        How the runs are followed that leave the plain course.
+        How the runs are followed.
 
     Raises
     ------
@@ -219,8 +256,10 @@ def solve_batch(
     variants.check(structure)
     parameters = tuple(_parameter(structure, asked) for asked in derivatives)
     base = prepare(structure, settings=settings)
+    ground = replace(base.ground, threads=threads)
+    base, modes = replace(base, ground=ground), softest_modes(base)
     blocks = [
-        solve_block(structure, part(inputs, runs), variants.part(runs), parameters, base, threads)
+        solve_block(structure, part(inputs, runs), variants.part(runs), parameters, base, modes)
         for runs in _blocks(n_runs)
     ]
     columns = {
@@ -233,8 +272,8 @@ def solve_batch(
         structure=structure,
         inputs=inputs,
         variants=variants,
+        ground=ground,
         parameters=parameters,
-        threads=threads,
         **columns,
     )
 

@@ -7,18 +7,18 @@ functions of other files, so here a cache is fresh only as long as none of the k
 from collections.abc import Callable, Iterable
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numba as nb
 
 KERNEL_FILES = tuple(
     Path(__file__).with_name(f"{name}.py")
     for name in (
-        *("compiled", "lanes", "kernels", "tick", "lockstep", "lockstep_stepped", "lockstep_fall"),
-        *("lockstep_data", "equilibrium"),
+        *("compiled", "law", "lanes", "state", "kernels", "step"),
+        *("branch", "follow", "descend", "stepped", "certify"),
     )
 )
-"""What kernels are made of; the last two hold constants that are compiled into them."""
+"""What kernels are made of, the constants that are compiled into them included."""
 
 
 def digest_of(files: Iterable[Path]) -> str:
@@ -34,17 +34,12 @@ DIGEST = digest_of(KERNEL_FILES)
 
 def njit(function: Callable[..., Any]) -> Any:  # noqa: ANN401 - a Dispatcher
     """Compile a kernel: once for one run, once for eight."""
-    return _compiled(function, "never")
+    return _compiled(function)
 
 
-def njit_once(function: Callable[..., Any]) -> Any:  # noqa: ANN401 - a Dispatcher
-    """Compile a part of one kernel within it, not once more on its own."""
-    return _compiled(function, "always")
-
-
-def _compiled(function: Callable[..., Any], inline: Literal["never", "always"]) -> Any:  # noqa: ANN401
+def _compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401 - a Dispatcher
     """Let Numba compile a function, and its cache watch all kernels."""
-    options: Any = {"error_model": "numpy", "nogil": True, "boundscheck": False, "inline": inline}
+    options: Any = {"error_model": "numpy", "nogil": True, "boundscheck": False}
     dispatcher: Any = nb.njit(cache=True, **options)(function)
     # Numba has no public way to say what a cache depends on; without this one it watches one file.
     index: Any = getattr(dispatcher._cache, "_cache_file", None)  # noqa: SLF001 - see above

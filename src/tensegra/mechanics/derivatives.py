@@ -14,8 +14,8 @@ import numpy as np
 
 from tensegra.errors import ModelError, SolverError
 from tensegra.mechanics.arrays import AXES, FloatArray, StructureArrays, lumped_weight
-from tensegra.mechanics.equilibrium import Load, unbalanced
-from tensegra.mechanics.inputs import Actuation, Inputs, effective_rest_length
+from tensegra.mechanics.inputs import Actuation, Inputs, Load, effective_rest_length
+from tensegra.mechanics.law import plain
 from tensegra.mechanics.tangent import Tangent
 from tensegra.structure import Structure
 
@@ -68,7 +68,7 @@ def settle_tangent(tangent: Tangent, nodes: FloatArray, load: Load) -> None:
     """
     if not np.all(np.isfinite(nodes)):
         raise SolverError("a failed run has no derivative")
-    unbalanced(tangent, nodes, load)
+    tangent.measure(nodes, load)
     tangent.factorise()
 
 
@@ -108,21 +108,19 @@ def pull_back(tangent: Tangent, load: Load, by_nodes: FloatArray, by_tensions: F
     adjoint = tangent.solve(by_motion)
     adjoint = adjoint + tangent.solve(by_motion - tangent.force_rate(adjoint))
     by_tension_rate = np.where(tangent.taut, by_tensions - tangent.length_rate(adjoint), 0.0)
-    stretch = (tangent.length - load.rest_length) / load.rest_length
     return Direction(
-        rest_length=-tangent.axial * tangent.length / load.rest_length * by_tension_rate,
-        stiffness=stretch * by_tension_rate,
+        rest_length=plain.by_rest_length(tangent.length, load.rest_length, load.stiffness) * by_tension_rate,
+        stiffness=plain.by_stiffness(tangent.length, load.rest_length) * by_tension_rate,
         force=np.where(free, adjoint, 0.0),
         positions=np.where(free, 0.0, by_motion - tangent.force_rate(adjoint)),
     )
 
 
 def _tension_rate(tangent: Tangent, load: Load, direction: Direction) -> FloatArray:
-    """Rate of T = EA (ℓ − l₀)/l₀ where the nodes stay; zero for slack cables."""
-    stretch = (tangent.length - load.rest_length) / load.rest_length
-    by_length = tangent.axial * tangent.length / load.rest_length
-    rate: FloatArray = (
-        np.where(tangent.taut, stretch, 0.0) * direction.stiffness - by_length * direction.rest_length
+    """Rate of the tensions where the nodes stay; zero for slack cables."""
+    rate: FloatArray = tangent.taut * (
+        plain.by_stiffness(tangent.length, load.rest_length) * direction.stiffness
+        + plain.by_rest_length(tangent.length, load.rest_length, load.stiffness) * direction.rest_length
     )
     return rate
 

@@ -1,401 +1,433 @@
-"""Follow one stage: adaptive steps along the branch of stable equilibria.
+"""Follow a stage along the branch of stable equilibria: one state machine for one run and for many.
 
-A step is a predictor of second order and a Newton corrector. It is taken back and cut where the
-corrector does not contract, moves the structure far from the guess, or lands where K is not
-positive definite any more. Where a cable goes slack or comes taut on the way, the step ends there.
-Where no step is small enough the stable branch has ended: the point is located, named, and the
-policy decides whether the path stops there or the structure settles into the equilibrium below.
+A lane holds one run. It stands at a base, a point of the branch with its derivatives by λ, and goes on by
+steps: predict, correct, and accept the point that is found only with evidence that it belongs to the branch
+that was left:
+
+- K is positive definite there;
+- the same cables carry force as at the base, none of them having dipped through zero on the way: where
+  one changed, the step ends at the event instead, which is found with λ as an unknown, and the branch is
+  taken up again behind it with the new set;
+- the derivatives at both ends tell the way between. With ẋ and ẍ at both, the displacement of a smooth
+  branch is h/2 (ẋ₀ + ẋ₁) + h²/12 (ẍ₀ − ẍ₁) but for a term of fifth order; a point on another branch misses
+  it by as much as the structure would have leapt.
+
+A step without that evidence is taken back and cut. Where no step is small enough the branch has ended, and
+the lane leaves its run at the last base: what happens there is for `tensegra.mechanics.supervise` to say.
+Lanes do not exchange numbers, so a result depends neither on its neighbours nor on the order.
 """
 
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
-from tensegra.mechanics.arrays import BoolArray, FloatArray, path_lengths
-from tensegra.mechanics.equilibrium import (
-    FLAT_TENSION,
-    ZERO_EIGENVALUE,
-    Attempt,
-    Load,
-    carried_tension,
-    descend,
-    newton,
-    potential,
-    unbalanced,
+from tensegra.mechanics import kernels
+from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray
+from tensegra.mechanics.branch import (
+    begin,
+    first_crossing,
+    go_back,
+    hold_taut,
+    leave_base,
+    move_along,
+    predict,
+    reread,
+    take_base,
+    turn_edges,
+    weigh,
 )
-from tensegra.mechanics.inputs import StageInputs
-from tensegra.mechanics.settings import PathSettings
-from tensegra.mechanics.status import CriticalPoint, PathPoint, SlackEvent, Status
-from tensegra.mechanics.tangent import Tangent
+from tensegra.mechanics.compiled import njit
+from tensegra.mechanics.lanes import get, number, put
+from tensegra.mechanics.step import (
+    LENGTH_ROUNDING,
+    balance,
+    carried_by,
+    correct,
+    differentiate,
+    enter,
+    factorise,
+    leave,
+    n_lanes,
+    prescribe,
+    taut_by_stress,
+    velocity,
+)
 
-SNAP = 1e-4
-"""A fall that moves no node by this share of the structure's size has not left the branch."""
+ARRIVED, BRANCH_ENDS, EVENT_ENDS, NO_START, UNSTABLE_START, OUT_OF_STEPS, PAUSED = range(1, 8)
+"""Why a run was left (`Outcome.end`): at λ = 1; where no step is small enough; where a cable went slack and
+took the stiffness away; at once, since it is no equilibrium, or one that does not stand; for good; with its
+record full."""
 
-STILL_STIFF = 0.02
-"""Share of the first lowest eigenvalue that a smooth loss of stability is far below when located."""
+DEFECT = 2e-5
+"""Largest miss of the way between two points, as a share of the size: a fifth of the smallest snap told."""
 
-ALONG_MODE = 1e-4
-"""Share of a change of the loads along the critical mode from which on it is a fold."""
+MISSED_SHARE, ROUNDING = 0.1, 1e-10
+"""Share of the way that a miss may be, so that no leap is most of a step, be it as short as it may; what
+positions are told to, as a share of the size."""
 
-FARTHEST_FALL = 0.02
-"""Increment beyond a critical point within which a structure that falls has to find a stable place."""
+NEAR = 1e-6
+"""Correction, as a share of the size, behind which a point on the way is near enough: what is left of it, and
+of the derivatives that were taken before it, is little beside the miss that counts."""
 
-PRESTRESS_GONE = 1e-3
-"""Where the branch ends with less than this share of the reference tension left, it is a collapse."""
+MAX_CORRECTIONS = 10
+"""Corrections of one point after which its step is cut."""
+
+CUT_TO, GROW_TO = 0.4, 3.0
+"""Share of a step that is tried after it; largest growth from one step to the next."""
+
+CORRECTION_AIM = 0.05
+"""Share of the size that the first correction of a step should have: the error of the prediction."""
+
+MOST_TURNS = 4
+"""Times that the cables on the edge are taken for others, at one base, before its step is cut."""
+
+_START, _STEP, _CLOSING, _EVENT, _REBASE = range(5)
+"""What a lane is at: a run that begins; a step; its end, once more, at λ = 1; the event in a step; its base,
+taken anew with other cables taut."""
+
+_IDLE, _CORRECT, _ACCEPT, _LAND, _STAND, _CUT, _STOP, _COMMIT, _TURN, _SEEK = range(10)
+"""What a lane does: nothing; correct its point; take it as it will be once corrected, or as it is; take it
+for a start; cut its step; stop; make its point the base; turn the cables on the edge; seek an event."""
 
 
-@dataclass(eq=False)
-class StageRun:
-    """Where a stage stands: mutable, owned by the follower."""
+class Control(NamedTuple):
+    """The settings of a path, as `PathSettings` gives them, with lengths in the structure's unit."""
 
-    name: str
+    first_step: float
+    smallest_step: float
+    largest_move: float
+    contraction: float
+    max_steps: int
+    tolerance: float
+
+
+class Record(NamedTuple):
+    """What happened on the way of a single run; without rows where nobody asks.
+
+    Accepted points: λ ``(n,)``, positions, tensions, iterations. Events: λ, member and whether it became
+    taut. `counts` ``(2,)`` says how many of either there are.
+    """
+
+    parameter: FloatArray
     nodes: FloatArray
-    parameter: float = 0.0
-    steps: int = 0
-    iterations: int = 0
-    outcome: Status = Status.STABLE
-    reason: str = ""
-    critical_points: list[CriticalPoint] = field(default_factory=list)
-    slack_events: list[SlackEvent] = field(default_factory=list)
-    history: list[PathPoint] = field(default_factory=list)
-
-    @property
-    def goes_on(self) -> bool:
-        """Whether the end of the stage is still ahead."""
-        return self.parameter < 1.0 and self.outcome in (Status.STABLE, Status.SNAPPED)
-
-    def end(self, outcome: Status, reason: str) -> None:
-        """Set the outcome and the reason for it."""
-        self.outcome, self.reason = outcome, reason
+    tensions: FloatArray
+    iterations: IndexArray
+    event_parameter: FloatArray
+    event_member: IndexArray
+    event_taut: IndexArray
+    counts: IndexArray
 
 
-@dataclass(frozen=True, eq=False)
-class Departure:
-    """An accepted point with its derivatives by λ: where the next step starts."""
+class Course(NamedTuple):
+    """What each lane of a pack is at, ``(n_lanes,)`` each.
 
-    parameter: float
-    nodes: FloatArray
-    tension: FloatArray
-    taut: BoolArray
-    velocity: FloatArray
-    tension_rate: FloatArray
-    bend: FloatArray
+    `run`, `mode` and `action`, whether K was `definite` at the last tick; `corrections` of the point, `turns`
+    of the edges at the base, the `member` of an event; λ of `base` and `target`, the next `step`; `speed` of
+    the base, the `last_move` and the `first_move` of the corrector; `taken`, the step that led to the base.
+    """
 
-    @property
-    def speed(self) -> float:
-        """Largest velocity of a coordinate."""
-        return float(np.abs(self.velocity).max(initial=0.0))
+    run: IndexArray
+    mode: IndexArray
+    action: IndexArray
+    definite: BoolArray
+    corrections: IndexArray
+    turns: IndexArray
+    member: IndexArray
+    base: FloatArray
+    target: FloatArray
+    step: FloatArray
+    speed: FloatArray
+    last_move: FloatArray
+    first_move: FloatArray
+    taken: FloatArray
 
 
-class StageFollower:
-    """Follows one stage of a structure from an equilibrium at λ = 0 to λ = 1."""
+@njit
+def follow_runs(topology, runs, control, outcome, record, lanes, first, last):
+    """Follow the runs `first` to `last` from where they stand to λ = 1.
 
-    def __init__(
-        self,
-        tangent: Tangent,
-        inputs: StageInputs,
-        stiffness: FloatArray,
-        reference_tension: float,
-        settings: PathSettings,
-    ) -> None:
-        self.tangent = tangent
-        self.inputs = inputs
-        self.stiffness = stiffness
-        self.reference_tension = reference_tension
-        self.settings = settings
-        self.arrays = tangent.arrays
-        self.largest_move = settings.largest_move * self.arrays.size
-        self._last: Departure | None = None
+    Parameters
+    ----------
+    topology, runs, control, outcome, record, lanes
+        `Topology`, `Runs`, `Control`, `Outcome`, `Record` and `Lanes`.
+    first, last
+        Range of runs.
+    """
+    n = n_lanes(lanes)
+    smallest_scale = LENGTH_ROUNDING / control.tolerance
+    course = Course(
+        np.full(n, -1), np.full(n, _START), np.full(n, _IDLE), np.zeros(n, np.bool_),
+        np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64),
+        np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
+    )  # fmt: skip
+    queue = first
+    for lane in range(n):
+        # A lane without a run of its own repeats one: its numbers stay finite, nothing is kept.
+        _take_run(topology, runs, control, outcome, lanes, course, lane, min(queue, last - 1))
+        if queue < last:
+            queue += 1
+        else:
+            course.run[lane] = -1
+    n_active = queue - first
+    while n_active > 0:
+        prescribe(topology, lanes)
+        taut_by_stress(topology, lanes)
+        for lane in range(n):
+            if course.mode[lane] == _REBASE or course.mode[lane] == _EVENT:
+                hold_taut(topology, lanes, lane, course.mode[lane] == _REBASE, course.member[lane])
+        carried_by(topology, lanes)
+        kernels.measure(topology, lanes)
+        balance(topology, lanes, smallest_scale)
+        factorise(topology, lanes)
+        _look(control, lanes, course)
+        if np.any((course.action == _CORRECT) & (course.mode == _EVENT)):
+            velocity(topology, lanes)
+        for lane in range(n):
+            # One more correction with the factor at hand is free: it takes off the digits that the tolerance left.
+            moves = course.action[lane] == _CORRECT or course.action[lane] == _LAND
+            put(lanes.active, 0, lane, 1.0 if moves else 0.0)
+        correct(topology, lanes)
+        _judge(topology, control, lanes, course)
+        points = (course.action == _ACCEPT) | (course.action == _LAND) | (course.action == _STAND)
+        if np.any(points):
+            differentiate(topology, lanes)
+            for lane in range(n):
+                put(lanes.step, 0, lane, get(lanes.parameter, 0, lane) - course.base[lane])
+            weigh(topology, lanes)
+            for lane in range(n):
+                _decide(topology, control, lanes, course, lane)
+                stands = course.action[lane] == _STAND or course.action[lane] == _COMMIT
+                put(lanes.active, 0, lane, 1.0 if stands else 0.0)
+                found = course.action[lane] == _COMMIT or (stands and course.mode[lane] == _START)
+                put(lanes.shift, 0, lane, 1.0 if found else 0.0)
+                past_event = course.action[lane] == _COMMIT and course.mode[lane] == _EVENT
+                put(lanes.measure_of, 6, lane, 1.0 if past_event else 0.0)
+                put(lanes.step, 0, lane, course.taken[lane])
+            take_base(topology, lanes)
+        for lane in range(n):
+            if course.run[lane] < 0 or course.action[lane] == _IDLE or course.action[lane] == _CORRECT:
+                continue
+            end = _go_on(topology, control, outcome, record, lanes, course, lane)
+            if end > 0:
+                n_active -= 1
+                outcome.end[course.run[lane]] = end
+                course.run[lane] = -1
+                if queue < last:
+                    _take_run(topology, runs, control, outcome, lanes, course, lane, queue)
+                    queue += 1
+                    n_active += 1
 
-    def load_at(self, parameter: float) -> Load:
-        """Return what acts at the path parameter."""
-        return Load(self.inputs.rest_length_at(parameter), self.stiffness, self.inputs.loads_at(parameter))
 
-    def with_supports(self, nodes: FloatArray, parameter: float) -> FloatArray:
-        """Return `nodes` with the held coordinates where the supports are at the parameter."""
-        return np.where(self.arrays.free, nodes, self.inputs.positions_at(parameter))
+@njit
+def _take_run(topology, runs, control, outcome, lanes, course, lane, r):
+    """Put a run into a lane, at its start."""
+    enter(topology, runs, outcome, lanes, lane, r, r)
+    begin(topology, lanes, lane)
+    course.run[lane], course.mode[lane] = r, _START
+    course.corrections[lane], course.last_move[lane] = 0, np.inf
+    course.base[lane], course.target[lane], course.step[lane] = 0.0, 0.0, control.first_step
 
-    def velocity(self, parameter: float) -> tuple[FloatArray, FloatArray]:
-        """Return dx/dλ, ``(n_nodes, 3)``, and dT/dλ, ``(n_members,)``.
 
-        The equilibrium at `parameter` has to be the one last measured and factorised.
-        """
-        inputs, tangent = self.inputs, self.tangent
-        held = np.where(self.arrays.free, 0.0, inputs.positions_end - inputs.positions_start)
-        tension_rate = self._tension_rate(parameter)
-        force_rate = tangent.force_rate(held, tension_rate) - (inputs.loads_end - inputs.loads_start)
-        velocity = tangent.solve(-force_rate) + held
-        return velocity, tangent.axial * tangent.length_rate(velocity) + tension_rate
+@njit
+def _look(control, lanes, course):
+    """Say from residual and inertia what each lane does with a tick."""
+    for lane in range(course.run.size):
+        mode, residual = course.mode[lane], get(lanes.residual, 0, lane)
+        course.definite[lane] = get(lanes.n_negative, 0, lane) == 0.0
+        small = residual <= control.tolerance
+        if course.run[lane] < 0:
+            course.action[lane] = _IDLE
+        elif mode == _REBASE or (mode == _START and small):
+            course.action[lane] = _STAND if course.definite[lane] else _STOP
+        elif mode == _CLOSING and small:
+            course.action[lane] = _LAND
+        elif course.corrections[lane] >= MAX_CORRECTIONS or not residual < np.inf:
+            course.action[lane] = _STOP if mode == _START else _CUT
+        else:
+            course.action[lane] = _CORRECT
 
-    def start(self, name: str, nodes: FloatArray) -> StageRun:
-        """Begin a stage at the equilibrium `nodes`; one that does not stand falls at once."""
-        run = StageRun(name, nodes)
-        attempt = newton(self.tangent, nodes, self.load_at(0.0), max_iterations=4)
-        if attempt.converged and self.tangent.n_negative == 0:
-            run.nodes = attempt.nodes
-        elif not self._settle(run, "unstable start"):
-            return run
-        self.record(run, 0)
-        return run
 
-    def run(self, name: str, nodes: FloatArray) -> StageRun:
-        """Follow the stage from the equilibrium `nodes` at λ = 0."""
-        run = self.start(name, nodes)
-        step = self.settings.first_step
-        while run.goes_on:
-            step = self._advance(run, step)
-            if run.steps >= self.settings.max_steps:
-                run.end(Status.FAILED, f"{run.steps} steps end at {100 * run.parameter:.4g} % of the stage")
-        return run
-
-    def _advance(self, run: StageRun, step: float) -> float:
-        """Take one step, as large as it may be, and return the next."""
-        here = self._departure(run)
-        step = min(step, self.largest_move / here.speed if here.speed > 0.0 else 1.0)
-        cut = False
-        while True:
-            parameter = min(1.0, run.parameter + step)
-            if 1.0 - parameter < self.settings.smallest_step:
-                parameter = 1.0
-            increment = parameter - run.parameter
-            guess, attempt = self._attempt(here, parameter)
-            run.iterations += attempt.iterations
-            if attempt.converged and self.tangent.n_negative == 0:
-                correction = float(np.abs(attempt.nodes - guess).max(initial=0.0))
-                parameter, attempt = self._first_event(run, here, parameter, attempt)
-                self._last = here
-                run.nodes, run.parameter = attempt.nodes, parameter
-                self._note_events(run, here.taut, self.tangent.taut)
-                run.steps += 1
-                self.record(run, attempt.iterations)
-                return self._next_step(increment, correction, increment * here.speed, cut=cut)
-            cut, step = True, 0.4 * increment
-            if step < self.settings.smallest_step:
-                break
-        self._end_of_branch(run, here)
-        return self.settings.first_step
-
-    def _departure(self, run: StageRun) -> Departure:
-        """Differentiate at the point last accepted; curvature comes from the two last velocities."""
-        velocity, tension_rate = self.velocity(run.parameter)
-        taut = self.tangent.taut
-        bend = np.zeros_like(velocity)
-        last = self._last
-        if last is not None and run.parameter > last.parameter and np.array_equal(last.taut, taut):
-            bend = (velocity - last.velocity) / (run.parameter - last.parameter)
-        return Departure(
-            run.parameter, run.nodes, self.tangent.tension.copy(), taut, velocity, tension_rate, bend
+@njit
+def _judge(topology, control, lanes, course):
+    """Say from the corrections whether each lane converges, and has come near enough to its point."""
+    size = number(topology.numbers, 0)
+    for lane in range(course.run.size):
+        action, mode = course.action[lane], course.mode[lane]
+        if action == _STAND:
+            reread(topology, lanes, lane)
+        if action != _CORRECT:
+            continue
+        move, away = get(lanes.measure_of, 0, lane), get(lanes.measure_of, 1, lane)
+        strays = False
+        if mode == _EVENT:
+            move += abs(move_along(topology, lanes, lane, course.member[lane])) * course.speed[lane]
+            there = get(lanes.parameter, 0, lane)
+            strays = not (there > course.base[lane] and there <= course.target[lane])
+        if course.corrections[lane] == 0:
+            course.first_move[lane] = move
+        reach = (
+            0.5 * (course.target[lane] - course.base[lane]) * course.speed[lane] + 0.1 * control.largest_move
         )
-
-    def _attempt(self, here: Departure, parameter: float) -> tuple[FloatArray, Attempt]:
-        """Predict and correct; return the guess and the outcome."""
-        increment = parameter - here.parameter
-        move = increment * here.velocity + 0.5 * increment**2 * here.bend
-        guess = self.with_supports(here.nodes + move, parameter)
-        attempt = newton(
-            self.tangent,
-            guess,
-            self.load_at(parameter),
-            tension=here.tension + increment * here.tension_rate,
-            largest_move=0.5 * increment * here.speed + 0.1 * self.largest_move,
-            slowest_contraction=self.settings.contraction,
-            polish=parameter >= 1.0,
-        )
-        return guess, attempt
-
-    def _first_event(
-        self, run: StageRun, here: Departure, parameter: float, attempt: Attempt
-    ) -> tuple[float, Attempt]:
-        """Shorten an accepted step to the first change between slack and taut within it.
-
-        The event is bracketed from both sides in turn, close to where the elongations of the
-        members that change vanish by interpolation, and by halving where that does not help; the
-        point returned lies behind it by the smallest step at most. Where a point on the way is not
-        reached, the step ends at the nearest that was.
-        """
-        before, after = here.parameter, parameter
-        gap_before, gap_after = self._gaps(here.nodes, before), self._gaps(attempt.nodes, after)
-        reached, margin, halve = attempt, 0.02, False
-        changed = np.flatnonzero(self.tangent.taut != here.taut)
-        while len(changed) and after - before > self.settings.smallest_step:
-            with np.errstate(divide="ignore", invalid="ignore"):  # gaps that do not change
-                shares = gap_before[changed] / (gap_before[changed] - gap_after[changed])
-            share = float(np.min(shares, where=np.isfinite(shares), initial=1.0)) + margin
-            share = 0.5 if halve else min(0.98, max(0.02, share))
-            width, aim = after - before, before + share * (after - before)
-            _, trial = self._attempt(here, aim)
-            run.iterations += trial.iterations
-            if not (trial.converged and self.tangent.n_negative == 0):
-                break
-            changes = np.flatnonzero(self.tangent.taut != here.taut)
-            if len(changes):
-                after, gap_after, reached, changed = aim, self._gaps(trial.nodes, aim), trial, changes
-            else:
-                before, gap_before = aim, self._gaps(trial.nodes, aim)
-            margin, halve = -margin, after - before > 0.5 * width and not halve
-        if reached is not attempt or len(changed):
-            unbalanced(self.tangent, reached.nodes, self.load_at(after))
-            self.tangent.factorise()
-        return after, reached
-
-    def _gaps(self, nodes: FloatArray, parameter: float) -> FloatArray:
-        """Elongations ℓ − l₀ of all members at a position."""
-        gaps: FloatArray = path_lengths(self.arrays, nodes) - self.inputs.rest_length_at(parameter)
-        return gaps
-
-    def _next_step(self, increment: float, correction: float, predicted: float, *, cut: bool) -> float:
-        """Aim at a correction of a tenth of the predicted move: the error grows with the square."""
-        if cut:
-            return increment
-        aim = 0.1 * predicted + 0.01 * self.largest_move
-        factor = min(3.0, max(0.5, aim / correction)) if correction > 0.0 else 3.0
-        return increment * factor
-
-    def _note_events(self, run: StageRun, before: BoolArray, after: BoolArray) -> None:
-        for e in np.flatnonzero(before != after):
-            becomes = "taut" if after[e] else "slack"
-            run.slack_events.append(SlackEvent(run.name, run.parameter, self.arrays.member_ids[e], becomes))
-
-    def record(self, run: StageRun, iterations: int) -> None:
-        """Add where the run stands, at the last measure, to its history."""
-        tension = self.tangent.tension.copy()
-        run.history.append(PathPoint(run.name, run.parameter, run.nodes, tension, iterations))
-
-    def _end_of_branch(self, run: StageRun, here: Departure) -> None:
-        """Name the point where the stable branch ends and do what the policy says."""
-        kind = self._kind(run, here)
-        if self.settings.policy == "settle":
-            self._settle(run, kind)
-            return
-        self._note_critical(run, kind)
-        run.end(Status.UNSTABLE, f"the stable path ends: {run.critical_points[-1]}")
-
-    def _kind(self, run: StageRun, here: Departure) -> str:
-        """Tell a collapse, a cable gone slack, a bifurcation and a fold apart.
-
-        K goes to zero along a mode φ at a fold and at a bifurcation, but only at a fold does what is
-        being changed push along φ; where K was still stiff the next step, a cable took it away.
-        """
-        tangent = self.tangent
-        unbalanced(tangent, run.history[0].nodes, self.load_at(run.history[0].parameter))
-        at_start = tangent.lowest_eigenvalue()
-        unbalanced(tangent, run.nodes, self.load_at(run.parameter))
-        carried, loaded = carried_tension(tangent, self.load_at(run.parameter))
-        if not loaded and carried < PRESTRESS_GONE * self.reference_tension:
-            return "collapse"
-        spectrum = tangent.spectrum(1)
-        if spectrum.values[0] > STILL_STIFF * at_start:
-            return "slack"
-        mode = spectrum.vectors[0]
-        push = tangent.force_rate(
-            np.where(self.arrays.free, 0.0, here.velocity), self._tension_rate(run.parameter)
-        )
-        push = np.where(self.arrays.free, push - (self.inputs.loads_end - self.inputs.loads_start), 0.0)
-        along = abs(float(np.sum(push * mode)))
-        return "limit point" if along > ALONG_MODE * float(np.linalg.norm(push)) else "bifurcation"
-
-    def _tension_rate(self, parameter: float) -> FloatArray:
-        """Rate dT/dλ of the tensions where the nodes stay, at the last measure."""
-        rest_length = self.inputs.rest_length_at(parameter)
-        rate = self.inputs.rest_length_rate(parameter)
-        drop: FloatArray = -self.tangent.axial * self.tangent.length / rest_length * rate
-        return drop
-
-    def _settle(self, run: StageRun, kind: str) -> bool:
-        """Fall just beyond the end of the branch; return whether the path can go on from there."""
-        self._last = None
-        before = run.nodes
-        unbalanced(self.tangent, before, self.load_at(run.parameter))
-        taut = self.tangent.taut
-        ahead = 2.0 * self.settings.smallest_step
-        if kind == "unstable start" and self._is_neutral():
-            ahead = self.settings.first_step  # nothing to fall from: let the inputs take hold first
-        parameter = min(1.0, run.parameter + ahead)
-        fallen = self.fall(run, before, parameter)
-        while fallen.neutral and ahead < FARTHEST_FALL:
-            # Just beyond a critical point K is not told from a singular one: fall farther on.
-            ahead *= 10.0
-            parameter = min(1.0, run.parameter + ahead)
-            fallen = self.fall(run, before, parameter)
-        if fallen.flat or fallen.neutral:
-            # Nothing carries force here. What follows may tighten the structure again.
-            kind, parameter = "collapse", 1.0
-            fallen = self.fall(run, fallen.nodes, parameter)
-        self._note_events(run, taut, self.tangent.taut)
-        if fallen.flat or fallen.neutral or not fallen.converged:
-            self._note_critical(run, kind)
-            where = run.critical_points[-1]
-            run.nodes, run.parameter = fallen.nodes, 1.0
-            if fallen.converged:
-                run.end(Status.COLLAPSED, f"prestress lost: {where}")
-            else:
-                run.end(Status.FAILED, f"the fall beyond {where} found no equilibrium")
-            return False
-        snap = float(np.linalg.norm(fallen.nodes - before, axis=1).max())
-        if snap > SNAP * self.arrays.size:
-            self._note_critical(run, kind, after=fallen.nodes)
-            run.end(Status.SNAPPED, "; ".join(str(point) for point in run.critical_points))
-        elif kind == "bifurcation":
-            # The path forks without a jump: it stays a continuous path of stable equilibria.
-            self._note_critical(run, kind)
-        run.nodes, run.parameter = fallen.nodes, parameter
-        newton(self.tangent, run.nodes, self.load_at(parameter), max_iterations=4)
-        return True
-
-    def _is_neutral(self) -> bool:
-        """Whether K is singular, but not negative, at the last measure."""
-        lowest = self.tangent.lowest_eigenvalue()
-        return abs(lowest) <= ZERO_EIGENVALUE * self.tangent.stiffness_scale
-
-    def fall(self, run: StageRun, nodes: FloatArray, parameter: float) -> Attempt:
-        """Descend from `nodes` under the inputs at `parameter`."""
-        attempt = descend(
-            self.tangent,
-            self.with_supports(nodes, parameter),
-            self.load_at(parameter),
-            reference_tension=self.reference_tension,
-            largest_move=0.4 * self.largest_move,
-        )
-        run.iterations += attempt.iterations
-        return attempt
-
-    def _note_critical(self, run: StageRun, kind: str, after: FloatArray | None = None) -> None:
-        """Record the end of the branch, with its mode, and the fall from it to `after`."""
-        load = self.load_at(run.parameter)
-        snap = released = 0.0
-        if after is not None:
-            unbalanced(self.tangent, after, load)
-            released = -potential(self.tangent, after, load)
-            snap = float(np.linalg.norm(after - run.nodes, axis=1).max())
-        unbalanced(self.tangent, run.nodes, load)
-        if after is not None:
-            released += potential(self.tangent, run.nodes, load)
-        spectrum = self.tangent.spectrum(1)
-        motion = np.linalg.norm(spectrum.vectors[0], axis=1)
-        moved = most_moved(self.arrays.node_ids, motion)
-        run.critical_points.append(
-            CriticalPoint(
-                run.name, run.parameter, kind, float(spectrum.values[0]), moved, snap, max(0.0, released)
-            )
-        )
+        slow = course.corrections[lane] > 1 and move > control.contraction * course.last_move[lane]
+        near = move <= NEAR * size
+        course.corrections[lane] += 1
+        course.last_move[lane] = move
+        if mode == _START:
+            continue
+        if strays or not away <= reach or (slow and not near):
+            course.action[lane] = _CUT
+        elif near and mode == _STEP and course.target[lane] >= 1.0:
+            course.mode[lane] = _CLOSING
+        elif near and mode != _CLOSING:
+            course.action[lane] = _ACCEPT
 
 
-def most_moved(node_ids: tuple[str, ...], motion: FloatArray) -> tuple[str, ...]:
-    """Return up to four nodes that move most, none below a third of the largest motion."""
-    return most_moved_of_each(node_ids, motion[None])[0]
+@njit
+def _decide(topology, control, lanes, course, lane):
+    """Say what becomes of a point: whether it is on the branch of its base, and if not what is done."""
+    action, mode, size = course.action[lane], course.mode[lane], number(topology.numbers, 0)
+    course.taken[lane] = 0.0
+    if action != _ACCEPT and action != _LAND:
+        return
+    miss, most = get(lanes.measure_of, 2, lane), get(lanes.measure_of, 3, lane)
+    crossed, turned = get(lanes.measure_of, 4, lane) > 0.0, get(lanes.measure_of, 5, lane) > 0.0
+    dipped = get(lanes.measure_of, 7, lane) > 0.0
+    sound = miss <= min(DEFECT * size, MISSED_SHARE * most + ROUNDING * size) and not dipped
+    if crossed:
+        course.action[lane] = _CUT if mode == _EVENT else _SEEK
+    elif not course.definite[lane]:
+        course.action[lane] = _CUT
+    elif sound:
+        course.action[lane] = _COMMIT
+        course.taken[lane] = 0.0 if mode == _EVENT else get(lanes.parameter, 0, lane) - course.base[lane]
+    elif turned and mode != _EVENT and course.turns[lane] < MOST_TURNS:
+        course.action[lane] = _TURN
+    else:
+        course.action[lane] = _CUT
 
 
-def most_moved_of_each(node_ids: tuple[str, ...], motions: FloatArray) -> tuple[tuple[str, ...], ...]:
-    """Return `most_moved` for each row of `motions`, ``(n, n_nodes)``."""
-    most = np.argsort(-motions, axis=1, kind="stable")[:, :4]
-    moved = np.take_along_axis(motions, most, axis=1)
-    counts = (moved > motions.max(axis=1, keepdims=True, initial=0.0) / 3.0).sum(axis=1)
-    return tuple(
-        tuple(node_ids[n] for n in row[:count])
-        for row, count in zip(most.tolist(), counts.tolist(), strict=True)
-    )
+@njit
+def _go_on(topology, control, outcome, record, lanes, course, lane):
+    """Do with a lane what was decided, and set out for its next point; return why its run ends, or 0."""
+    r, action, mode = course.run[lane], course.action[lane], course.mode[lane]
+    there, size = get(lanes.parameter, 0, lane), number(topology.numbers, 0)
+    outcome.iterations[r] += course.corrections[lane]
+    if action == _STOP:
+        return _stop(topology, control, outcome, lanes, course, lane)
+    if action == _STAND or action == _COMMIT:
+        past_event = action == _COMMIT and mode == _EVENT
+        if action == _COMMIT:
+            outcome.steps[r] += 1
+            growth = _growth(size, course.first_move[lane], get(lanes.measure_of, 2, lane))
+            h = there - course.base[lane]
+            course.step[lane] = growth * (max(h, course.step[lane]) if past_event else h)
+        if action == _COMMIT or mode == _START:
+            _note(topology, record, lanes, lane, course.corrections[lane], past_event)
+        course.base[lane], course.speed[lane] = there, get(lanes.measure_of, 8, lane)
+        if mode != _REBASE:
+            course.turns[lane] = 0
+        end = 0
+        if there >= 1.0:
+            end = ARRIVED
+            outcome.iterations[r] += 1
+        elif outcome.steps[r] >= control.max_steps:
+            end = OUT_OF_STEPS
+        elif action == _COMMIT and _is_full(record):
+            end = PAUSED
+        if end > 0:
+            leave(topology, lanes, outcome, lane, r)
+            return end
+        if past_event:
+            course.mode[lane], course.corrections[lane] = _REBASE, 0
+            return 0
+    elif action == _TURN:
+        # The cables on the edge are not those that the base was differentiated with.
+        course.turns[lane] += 1
+        turn_edges(topology, lanes, lane)
+        go_back(topology, lanes, lane, course.base[lane])
+        course.mode[lane], course.corrections[lane] = _REBASE, 0
+        return 0
+    else:
+        # Also a cut: what is beyond an event may not be reached at all; the event itself is.
+        if mode != _EVENT and _seek_event(topology, lanes, course, lane, action == _CUT):
+            return 0
+        course.step[lane] = CUT_TO * min(course.step[lane], course.target[lane] - course.base[lane])
+        if course.step[lane] < control.smallest_step:
+            leave_base(topology, lanes, outcome, lane, r, course.base[lane])
+            return BRANCH_ENDS
+    _set_out(topology, control, lanes, course, lane)
+    return 0
 
 
-def reference_tension(tensions: FloatArray, stiffness: FloatArray) -> float:
-    """Return what counts as a tension of the structure: the largest it has had, never nothing."""
-    return max(float(np.abs(tensions).max(initial=0.0)), FLAT_TENSION * float(stiffness.max(initial=1.0)))
+@njit
+def _stop(topology, control, outcome, lanes, course, lane):
+    """Leave a run that cannot go on from where it is; return why."""
+    r = course.run[lane]
+    if course.mode[lane] == _REBASE:
+        leave_base(topology, lanes, outcome, lane, r, course.base[lane])
+        return EVENT_ENDS
+    if not get(lanes.residual, 0, lane) <= control.tolerance:
+        return NO_START
+    leave(topology, lanes, outcome, lane, r)
+    return UNSTABLE_START
+
+
+@njit
+def _seek_event(topology, lanes, course, lane, foreseen):
+    """Set out for the first event within the step; return whether there is one."""
+    h = course.target[lane] - course.base[lane]
+    at = first_crossing(topology, lanes, lane, h, course.member, foreseen)
+    if not 0.0 < at < h:
+        return False
+    course.mode[lane], course.corrections[lane], course.last_move[lane] = _EVENT, 0, np.inf
+    predict(topology, lanes, lane, course.base[lane], course.base[lane] + at)
+    return True
+
+
+@njit
+def _set_out(topology, control, lanes, course, lane):
+    """Predict the next point from the base."""
+    left = 1.0 - course.base[lane]
+    if course.speed[lane] > 0.0:
+        course.step[lane] = min(course.step[lane], control.largest_move / course.speed[lane])
+    # Equal steps rather than a last one that is nearly nothing.
+    taken = left / np.ceil(left / course.step[lane] - 1e-9)
+    course.target[lane] = 1.0 if taken >= left else course.base[lane] + taken
+    course.mode[lane], course.corrections[lane], course.last_move[lane] = _STEP, 0, np.inf
+    predict(topology, lanes, lane, course.base[lane], course.target[lane])
+
+
+@njit
+def _growth(size, correction, miss):
+    """Return by how much the next step may be longer: both errors of the last one say so."""
+    by_correction = (CORRECTION_AIM * size / max(correction, 1e-12 * size)) ** 0.25
+    by_miss = (0.5 * DEFECT * size / max(miss, 1e-14 * size)) ** 0.2
+    return min(GROW_TO, max(CUT_TO, min(by_correction, by_miss)))
+
+
+@njit
+def _is_full(record):
+    """Whether the record has room for no further step."""
+    points, events = record.parameter.size, record.event_parameter.size
+    return points > 0 and (record.counts[0] >= points or record.counts[1] + record.tensions.shape[1] > events)
+
+
+@njit
+def _note(topology, record, lanes, lane, iterations, past_event):
+    """Write an accepted point, and the cables that an event changed, into the record."""
+    if record.parameter.size == 0:
+        return
+    at = record.counts[0]
+    record.counts[0] += 1
+    record.parameter[at] = get(lanes.parameter, 0, lane)
+    record.iterations[at] = iterations
+    for i in range(topology.n_coordinates):
+        record.nodes[at, i] = get(lanes.x, i, lane)
+    for e in range(topology.n_members):
+        taut = number(topology.is_cable, e) == 0.0 or get(lanes.base_taut, e, lane) > 0.0
+        record.tensions[at, e] = get(lanes.stress, e, lane) if taut else 0.0
+        if past_event and get(lanes.edge, e, lane) > 0.0 and taut != (get(lanes.taut, e, lane) > 0.0):
+            record.event_parameter[record.counts[1]] = record.parameter[at]
+            record.event_member[record.counts[1]] = e
+            record.event_taut[record.counts[1]] = 1 if taut else 0
+            record.counts[1] += 1

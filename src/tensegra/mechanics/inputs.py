@@ -10,6 +10,7 @@ their new values in proportion.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ def inputs_after_stage(structure: Structure, arrays: StructureArrays, before: In
         loads[arrays.node_index[node]] = force
     positions = before.positions.copy()
     for node, position in stage.positions.items():
-        positions[arrays.node_index[node]] = position
+        positions[arrays.node_index[node]] = np.asarray(position) - arrays.origin
     return Inputs(
         rest_length=rest_length,
         temperature=_with_temperatures(structure, arrays, before.temperature, stage.temperatures),
@@ -95,6 +96,26 @@ def effective_rest_length(arrays: StructureArrays, inputs: Inputs) -> FloatArray
 def nodal_forces(arrays: StructureArrays, inputs: Inputs) -> FloatArray:
     """Return loads and weights together, shape ``(n_nodes, 3)``."""
     return inputs.loads + arrays.nodal_weight[..., None] * inputs.gravity
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """What holds still while an equilibrium is sought.
+
+    Attributes
+    ----------
+    rest_length, stiffness
+        Effective rest lengths and EA, shape ``(n_members,)``.
+    force
+        Nodal forces, weight included, shape ``(n_nodes, 3)``.
+    tolerance
+        Relative residual of an equilibrium.
+    """
+
+    rest_length: FloatArray
+    stiffness: FloatArray
+    force: FloatArray
+    tolerance: float = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +159,33 @@ class StageInputs:
         """Return the coordinates of the supports at the path parameter, shape ``(n_nodes, 3)``."""
         return self.positions_start + parameter * (self.positions_end - self.positions_start)
 
+    def between(self, start: float, end: float) -> "StageInputs":
+        """Return the part of the stage from one value of λ to another, as a stage of its own."""
+        width, powers = end - start, self.rest_length.shape[-1]
+        rest_length = np.zeros_like(self.rest_length)
+        for k in range(powers):
+            for j in range(k + 1):
+                share = comb(k, j) * start ** (k - j) * width**j
+                rest_length[..., j] += share * self.rest_length[..., k]
+        return StageInputs(
+            rest_length,
+            self.loads_at(start),
+            self.loads_at(end),
+            self.positions_at(start),
+            self.positions_at(end),
+        )
+
+    def of_run(self, run: int) -> "StageInputs":
+        """Return the stage of one of many runs."""
+        rows = []
+        for values, n_axes in zip(
+            (self.rest_length, self.loads_start, self.loads_end, self.positions_start, self.positions_end),
+            (2, 2, 2, 2, 2),
+            strict=True,
+        ):
+            rows.append(values if values.ndim == n_axes else values[run if len(values) > 1 else 0])
+        return StageInputs(*rows)
+
     def balanced_by(self, force: FloatArray) -> "StageInputs":
         """Return the same stage with `force` acting at its beginning and fading to nothing."""
         return replace(self, loads_start=self.loads_start + force)
@@ -176,7 +224,8 @@ class Actuation:
     actuation
         Value of each actuator named, relative change of rest length.
     temperature
-        Change of temperature of a member or a group, added to that of the stages.
+        Change of temperature of a member or a group, added to that of the stages; where a group and
+        its member are named, the member takes the sum.
     loads
         Forces added to those of the last stage, by (node, axis).
     positions

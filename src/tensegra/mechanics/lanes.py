@@ -1,9 +1,14 @@
 """Lanes: eight runs in one vector value, so that a kernel is written as for one run.
 
-A kernel reads and writes rows of its arrays with `load` and `store`. From an array of shape ``(n,)``
+A kernel reads and writes rows of its fields with `load` and `store`. From a field of shape ``(n,)``
 a row is a float; from one of shape ``(n, WIDTH)`` it is a `Pack`, a vector value that the compiler
 keeps in registers. The same source is thereby compiled twice: for a single structure, and for eight
 runs of it in lockstep at hardly more than the price of one.
+
+Fields are given by the addresses of their first elements, since every array that a kernel takes costs the
+compiler a hundredth of a second in each function that it passes through, and there are eighty of them:
+an address that is a signed integer is that of packs, an unsigned one that of floats. Who calls a kernel
+keeps the arrays alive (`tensegra.mechanics.state.Workspace`).
 
 A lane computes bit for bit what the kernel computes for one run: a product and a sum are rounded
 once only where `fused` says so, never at the compiler's discretion.
@@ -41,13 +46,26 @@ class _PackModel(models.PrimitiveModel):
         super().__init__(manager, frontend_type, _VECTOR)
 
 
+def _is_wide(array: Any) -> bool:
+    """Whether a field holds packs: an address that is signed, or an array with two axes."""
+    kind: Any = array
+    return bool(kind.signed if isinstance(array, types.Integer) else kind.ndim == 2)
+
+
 def _row_type(array: Any) -> Any:
-    return pack if array.ndim == 2 else types.float64
+    return pack if _is_wide(array) else types.float64
+
+
+def _data(context: Any, builder: Any, array_type: Any, array: Any) -> Any:
+    """Return a pointer to the first element of a field."""
+    if isinstance(array_type, types.Integer):
+        return builder.inttoptr(array, ir.DoubleType().as_pointer())
+    return context.make_array(array_type)(context, builder, array).data
 
 
 def _pointer(context: Any, builder: Any, array_type: Any, array: Any, row: Any) -> Any:
-    data = context.make_array(array_type)(context, builder, array).data
-    if array_type.ndim == 1:
+    data = _data(context, builder, array_type, array)
+    if not _is_wide(array_type):
         return builder.gep(data, [row])
     first = builder.mul(row, ir.Constant(row.type, WIDTH))
     return builder.bitcast(builder.gep(data, [first]), _VECTOR.as_pointer())
@@ -72,6 +90,52 @@ def _store(_typing: Any, array: Any, _row: Any, _value: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(array, types.int64, _row_type(array)), generate
+
+
+def _element(context: Any, builder: Any, array_type: Any, array: Any, row: Any, lane: Any) -> Any:
+    data = _data(context, builder, array_type, array)
+    if _is_wide(array_type):
+        row = builder.add(builder.mul(row, ir.Constant(row.type, WIDTH)), lane)
+    return builder.gep(data, [row])
+
+
+@intrinsic
+def _get(_typing: Any, array: Any, _row: Any, _lane: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.load(_element(context, builder, signature.args[0], *arguments))
+
+    return types.float64(array, types.int64, types.int64), generate
+
+
+@intrinsic
+def _put(_typing: Any, array: Any, _row: Any, _lane: Any, _value: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        target, row, lane, value = arguments
+        builder.store(value, _element(context, builder, signature.args[0], target, row, lane))
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, types.int64, types.float64), generate
+
+
+def _read(kind: Any, of: Any) -> Any:
+    """Build what reads an element of an array by the address of its first."""
+
+    @intrinsic
+    def operation(_typing: Any, address: Any, _row: Any) -> Any:
+        def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+            return builder.load(builder.gep(builder.inttoptr(arguments[0], of.as_pointer()), [arguments[1]]))
+
+        return kind(address, types.int64), generate
+
+    return operation
+
+
+@intrinsic
+def _count(_typing: Any, array: Any) -> Any:
+    def generate(_context: Any, _builder: Any, signature: Any, _arguments: Any) -> Any:
+        return ir.Constant(ir.IntType(64), WIDTH if _is_wide(signature.args[0]) else 1)
+
+    return types.int64(array), generate
 
 
 @intrinsic
@@ -193,6 +257,16 @@ load: Any = _load
 """Read a row of an array: a float from ``(n,)``, a pack from ``(n, WIDTH)``."""
 store: Any = _store
 """Write a row of an array."""
+get: Any = _get
+"""Read a row of one lane, a float; of an array ``(n,)`` the only lane there is."""
+put: Any = _put
+"""Write a row of one lane."""
+item: Any = _read(types.int64, ir.IntType(64))
+"""Read an element of an array of integers by the address of its first."""
+number: Any = _read(types.float64, ir.DoubleType())
+"""Read an element of an array of floats by the address of its first, whatever the number of lanes."""
+count_lanes: Any = _count
+"""Return the number of lanes of a field: one, or `WIDTH`."""
 zero: Any = _zero
 """Return nothing, in the width of the rows of an array."""
 choose: Any = _choose

@@ -1,17 +1,18 @@
 """Solve a structure along its loading history: the stages, then the actuation."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tensegra.mechanics.arrays import FloatArray, StructureArrays, structure_arrays
-from tensegra.mechanics.derivatives import Given
-from tensegra.mechanics.equilibrium import Load, unbalanced
-from tensegra.mechanics.follow import StageFollower, StageRun, reference_tension
+from tensegra.mechanics.derivatives import Direction, Given
+from tensegra.mechanics.solver import LARGEST_ITERATED
+from tensegra.mechanics.stages import Ground, Leg, first_leg, follow_leg, ground_of, reference_tensions
 from tensegra.mechanics.inputs import (
     Actuation,
     Inputs,
+    Load,
     StageInputs,
     actuation_inputs,
     initial_inputs,
@@ -20,16 +21,19 @@ from tensegra.mechanics.inputs import (
 )
 from tensegra.mechanics.results import Equilibrium, EquilibriumPath
 from tensegra.mechanics.settings import PathSettings, Policy, Procedure, path_settings
-from tensegra.mechanics.stability import LARGEST_LISTED, free_mechanisms
-from tensegra.mechanics.start import first_stage
+from tensegra.mechanics.stability import free_mechanisms, with_mechanisms
+from tensegra.mechanics.state import N_VECTORS
 from tensegra.mechanics.status import Status
-from tensegra.mechanics.stepped import run_stepped
-from tensegra.mechanics.tangent import Tangent, lowest_of
-from tensegra.mechanics.trace import trace_branch
+from tensegra.mechanics.supervise import StageEnd
+from tensegra.mechanics.tangent import Tangent
+from tensegra.mechanics.trace import traced
 from tensegra.structure import Structure
 
 UNNAMED_STAGE = "as given"
 """Name of the equilibrium of a structure that declares no stages."""
+
+ACTUATION = "actuation"
+"""Name of the way from the last stage to a run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,25 +42,38 @@ class Prepared:
 
     Attributes
     ----------
-    structure, arrays, tangent
-        The structure, flattened, and the workspace of its kernels.
-    runs
-        One followed stage each.
-    equilibria
-        Their results.
+    structure, ground
+        The structure, and what all its histories share.
+    ends
+        Of the stages, in order, of one run or of many.
     inputs
         The prescribed quantities after the last stage.
-    settings
-        How paths are followed.
     """
 
     structure: Structure
-    arrays: StructureArrays
-    tangent: Tangent
-    runs: tuple[StageRun, ...]
-    equilibria: tuple[Equilibrium, ...]
+    ground: Ground
+    ends: tuple[StageEnd, ...]
     inputs: Inputs
-    settings: PathSettings
+
+    @property
+    def arrays(self) -> StructureArrays:
+        """The structure, flattened."""
+        return self.ground.arrays
+
+    @property
+    def equilibria(self) -> tuple[Equilibrium, ...]:
+        """The ends of the stages of a single run."""
+        return tuple(equilibrium_of(self.structure, self.ground, end) for end in self.ends)
+
+    @property
+    def nodes(self) -> FloatArray:
+        """Positions at the end of the stages, ``(n_runs, n_nodes, 3)``, about the arrays' own origin."""
+        return self.ends[-1].nodes
+
+    @property
+    def reference(self) -> FloatArray:
+        """What counts as a tension of the structure after the stages, ``(n_runs,)``."""
+        return reference_tensions([end.tensions for end in self.ends], self.arrays.stiffness)
 
 
 def solve_path(
@@ -86,7 +103,7 @@ def solve_path(
     positions
         Shift of a supported coordinate, by (node, axis).
     path
-        ``adaptive``, the default, or ``stepped``: the plain procedure of the source.
+        ``adaptive``, the default, or ``stepped``: the plain procedure of the paper.
     policy
         What to do where the stable path ends: ``settle``, the default, ``stop`` or ``trace``.
     settle_start
@@ -121,33 +138,70 @@ def prepare(
     structure: Structure, *, settle_start: bool = False, settings: PathSettings | None = None
 ) -> Prepared:
     """Solve the stages of a structure, once for all actuations that start from them."""
-    settings = settings or PathSettings()
-    arrays = structure_arrays(structure)
-    tangent = Tangent(arrays)
-    inputs = initial_inputs(arrays)
-    runs: list[StageRun] = []
-    equilibria: list[Equilibrium] = []
-    nodes = arrays.coordinates
-    for index, (name, after) in enumerate(stage_targets(structure, arrays)):
-        follower = _follower(tangent, stage_inputs(arrays, inputs, after), equilibria, settings)
-        if index == 0:
-            run = _first_stage(follower, name, settle=settle_start)
-        elif (missing := _missing_start(runs[-1])) is not None:
-            run = StageRun(name, nodes, outcome=Status.FAILED, reason=missing)
+    ground = ground_of(structure_arrays(structure), settings or PathSettings())
+    return through_stages(structure, ground, ground.arrays, settle_start=settle_start)
+
+
+def through_stages(
+    structure: Structure,
+    ground: Ground,
+    arrays: StructureArrays,
+    n_runs: int = 1,
+    *,
+    settle_start: bool = False,
+) -> Prepared:
+    """Take a structure, or many that vary it, through its stages.
+
+    Parameters
+    ----------
+    structure, ground
+        The structure, and what all its histories share.
+    arrays
+        Those of the structure, or with a leading axis of runs where these vary.
+    n_runs
+        Number of runs.
+    settle_start
+        Let a start that is an unstable equilibrium fall before the history goes on.
+    """
+    inputs, nodes = initial_inputs(arrays), arrays.coordinates[None]
+    ends: list[StageEnd] = []
+    for name, after in stage_targets(structure, arrays):
+        reference = reference_tensions([end.tensions for end in ends] or [np.zeros(1)], arrays.stiffness)
+        leg = Leg(
+            name, stage_inputs(arrays, inputs, after), arrays.stiffness, nodes, reference, n_runs, recorded=n_runs == 1
+        )  # fmt: skip
+        if not ends:
+            end = first_leg(ground, leg, settle=settle_start)
         else:
-            run = _run(follower, name, nodes)
-        runs.append(run)
-        equilibria.append(certify_end(structure, tangent, run, follower.load_at(run.parameter)))
-        inputs, nodes = after, run.nodes
-    return Prepared(structure, arrays, tangent, tuple(runs), tuple(equilibria), inputs, settings)
+            end = _after(ground, leg, ends[-1])
+        ends.append(end)
+        inputs, nodes = after, end.nodes
+    return Prepared(structure, replace(ground, arrays=arrays) if n_runs > 1 else ground, tuple(ends), inputs)
 
 
-def _missing_start(before: StageRun) -> str | None:
-    """Return why no path can start where `before` ended; None where one can."""
-    if before.outcome is Status.FAILED:
+def _after(ground: Ground, leg: Leg, before: StageEnd) -> StageEnd:
+    """Follow a leg from where the one before it ended, as far as it came to its end."""
+    missing = [missing_start(before, run) for run in range(leg.n_runs)]
+    there = np.where(np.isfinite(leg.start), leg.start, ground.arrays.coordinates)
+    end = follow_leg(ground, replace(leg, start=there)) if None in missing else None
+    if end is None:
+        supervisor = replace(leg, start=there).supervisor(
+            ground.solver(ground.freedom(np.zeros_like(there[0])), there[0])
+        )
+        supervisor.fail_all("")
+        end = supervisor.certified()
+    for run, reason in enumerate(missing):
+        if reason is not None:
+            end.give_up(run, reason)
+    return end if ground.settings.policy != "trace" else traced(ground, leg, end)
+
+
+def missing_start(before: StageEnd, run: int) -> str | None:
+    """Return why no path can start where a run ended; None where one can."""
+    if before.status[run] is Status.FAILED:
         return f"stage '{before.name}' failed"
-    if before.parameter < 1.0:
-        return f"stage '{before.name}' stopped at {100 * before.parameter:.4g} %"
+    if before.parameter[run] < 1.0:
+        return f"stage '{before.name}' stopped at {100 * before.parameter[run]:.4g} %"
     return None
 
 
@@ -164,113 +218,89 @@ def stage_targets(structure: Structure, arrays: StructureArrays) -> list[tuple[s
     return targets
 
 
+def actuated(
+    prepared: Prepared,
+    way: StageInputs,
+    n_runs: int,
+    modes: FloatArray | None = None,
+    directions: Sequence[Direction] = (),
+) -> StageEnd:
+    """Follow an actuation of one run or of many from the ends of the stages."""
+    ground = prepared.ground
+    leg = Leg(
+        ACTUATION,
+        way,
+        prepared.arrays.stiffness,
+        prepared.nodes,
+        prepared.reference,
+        n_runs,
+        recorded=n_runs == 1,
+        modes=modes,
+        directions=directions,
+    )
+    return _after(ground, leg, prepared.ends[-1].of_all(n_runs))
+
+
 def actuate(prepared: Prepared, run: Actuation) -> EquilibriumPath:
     """Follow an actuation from the last stage's equilibrium."""
-    structure, arrays, tangent = prepared.structure, prepared.arrays, prepared.tangent
+    structure, arrays, ground = prepared.structure, prepared.arrays, prepared.ground
     way, inputs = actuation_inputs(structure, arrays, prepared.inputs, run)
-    follower = _follower(tangent, way, prepared.equilibria, prepared.settings)
-    runs = list(prepared.runs)
-    actuated: Equilibrium | None = None
-    load = follower.load_at(0.0)
+    ends = list(prepared.ends)
     if run.acts:
-        if (missing := _missing_start(runs[-1])) is not None:
-            followed = StageRun("actuation", runs[-1].nodes, outcome=Status.FAILED, reason=missing)
-        else:
-            followed = _run(follower, "actuation", runs[-1].nodes)
-        load = follower.load_at(followed.parameter)
-        runs.append(followed)
-        actuated = certify_end(structure, tangent, followed, load)
+        ends.append(actuated(prepared, way, 1))
+    parameter = float(ends[-1].parameter[0]) if run.acts else 0.0
+    force = way.loads_at(parameter)
+    load = Load(way.rest_length_at(parameter), arrays.stiffness, force, ground.settings.residual)
     return EquilibriumPath(
         structure=structure,
         stages=prepared.equilibria,
-        actuation=actuated,
+        actuation=equilibrium_of(structure, ground, ends[-1]) if run.acts else None,
         given=Given(structure, arrays, inputs, run),
         load=load,
-        critical_points=tuple(point for run in runs for point in run.critical_points),
-        slack_events=tuple(event for run in runs for event in run.slack_events),
-        history=tuple(point for run in runs for point in run.history),
+        freedom=ground.freedom(force),
+        critical_points=tuple(point for end in ends for point in end.critical_points[0]),
+        slack_events=tuple(event for end in ends for event in end.slack_events),
+        history=tuple(
+            replace(point, nodes=point.nodes + arrays.origin) for end in ends for point in end.history
+        ),
     )
 
 
-def _follower(
-    tangent: Tangent,
-    inputs: StageInputs,
-    equilibria: list[Equilibrium] | tuple[Equilibrium, ...],
-    settings: PathSettings,
-) -> StageFollower:
-    stiffness = tangent.arrays.stiffness
-    reference = max((reference_tension(e.tensions, stiffness) for e in equilibria), default=0.0)
-    return StageFollower(tangent, inputs, stiffness, reference, settings)
-
-
-def _first_stage(follower: StageFollower, name: str, *, settle: bool) -> StageRun:
-    if follower.settings.path == "stepped":
-        return run_stepped(follower, name, follower.arrays.coordinates)
-    run = first_stage(follower, name, settle=settle)
-    return _traced(follower, run)
-
-
-def _run(follower: StageFollower, name: str, nodes: FloatArray) -> StageRun:
-    if follower.settings.path == "stepped":
-        return run_stepped(follower, name, nodes)
-    return _traced(follower, follower.run(name, nodes))
-
-
-def _traced(follower: StageFollower, run: StageRun) -> StageRun:
-    """Go on along the branch where the stable path ended and the policy says so."""
-    if follower.settings.policy == "trace" and run.outcome is Status.UNSTABLE and run.parameter < 1.0:
-        trace_branch(follower, run)
-    return run
-
-
-def certify_end(structure: Structure, tangent: Tangent, run: StageRun, load: Load) -> Equilibrium:
-    """Certify the end of a stage: measure again, count eigenvalues, name what is free.
-
-    Parameters
-    ----------
-    structure, tangent
-        The structure, and the workspace of its kernels.
-    run
-        A stage that has come to its end.
-    load
-        What acts there.
-    """
-    arrays = tangent.arrays
-    nowhere = Equilibrium(
+def equilibrium_of(structure: Structure, ground: Ground, end: StageEnd) -> Equilibrium:
+    """Return the end of a single run as an equilibrium, with the names of what is free there."""
+    arrays, load = ground.arrays, end.load
+    result = Equilibrium(
         structure=structure,
-        stage=run.name,
-        status=Status.FAILED,
-        reason=run.reason,
-        nodes=np.full((arrays.n_nodes, 3), np.nan),
-        tensions=np.full(arrays.n_members, np.nan),
-        slack=np.zeros(arrays.n_members, dtype=np.bool_),
-        residual=np.nan,
-        lowest_eigenvalue=np.nan,
-        n_negative=0,
-        strain_energy=np.nan,
-        steps=run.steps,
-        iterations=run.iterations,
+        stage=end.name,
+        status=end.status[0],
+        reason=end.reason[0],
+        nodes=end.nodes[0] + arrays.origin,
+        tensions=end.tensions[0],
+        slack=arrays.is_cable & (end.tensions[0] == 0.0),
+        residual=float(end.residual[0]),
+        lowest_eigenvalue=float(end.lowest_eigenvalue[0]),
+        n_negative=int(end.n_negative[0]),
+        strain_energy=float(end.strain_energy[0]),
+        steps=int(end.steps[0]),
+        iterations=int(end.iterations[0]),
+        parameter=float(end.parameter[0]),
+        forces=load.force,
+        arrays=arrays,
+        rigid_motions=end.free_motions,
     )
-    if run.outcome is Status.FAILED:
-        return nowhere
-    _, residual = unbalanced(tangent, run.nodes, load)
-    collapsed = run.outcome is Status.COLLAPSED
-    spectrum = tangent.spectrum(LARGEST_LISTED if collapsed else 1)
-    n_negative = tangent.factorise()
-    result = replace(
-        nowhere,
-        status=run.outcome,
-        nodes=run.nodes,
-        tensions=tangent.tension.copy(),
-        slack=arrays.is_cable & ~tangent.taut,
-        residual=residual,
-        lowest_eigenvalue=lowest_of(spectrum),
-        n_negative=n_negative,
-        strain_energy=tangent.energy(load.rest_length),
-    )
-    if collapsed:
-        free = free_mechanisms(tangent, spectrum)
-        names = sorted({node for nodes in free for node in nodes}, key=arrays.node_ids.index)
-        reason = f"{run.reason}; {len(free)} free mechanisms, which move nodes {', '.join(names)}"
-        return replace(result, mechanisms=free, reason=reason)
+    if result.status is Status.COLLAPSED:
+        motions = ground.freedom(load.force).neutral
+        return with_mechanisms(result, free_mechanisms(arrays, motions, end.nodes[0], load))
     return result
+
+
+def softest_modes(prepared: Prepared) -> FloatArray:
+    """Return the softest modes of K at the end of the stages, ``(n, n_nodes, 3)``; none where there is none."""
+    end, ground = prepared.ends[-1], prepared.ground
+    nowhere = np.zeros((0, ground.arrays.n_nodes, 3))
+    if end.status[0] not in (Status.STABLE, Status.SNAPPED) or ground.pattern.n_blocks > LARGEST_ITERATED:
+        return nowhere
+    load = end.load
+    tangent = Tangent(ground.arrays, motions=ground.freedom(load.force).neutral, nodes=end.nodes[0])
+    tangent.measure(end.nodes[0], load)
+    return tangent.spectrum(N_VECTORS).vectors

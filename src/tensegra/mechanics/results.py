@@ -1,14 +1,15 @@
 """What an analysis returns: equilibria that carry their proof, paths that tell what happened."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from tensegra.errors import SolverError
-from tensegra.mechanics.arrays import AXES, BoolArray, FloatArray
+from tensegra.mechanics.arrays import AXES, BoolArray, FloatArray, StructureArrays
 from tensegra.mechanics.derivatives import (
     Derivative,
     Given,
@@ -17,7 +18,10 @@ from tensegra.mechanics.derivatives import (
     direction_of,
     settle_tangent,
 )
-from tensegra.mechanics.equilibrium import Load
+from tensegra.mechanics.history import history_arrays
+from tensegra.mechanics.inputs import Load
+from tensegra.mechanics.reactions import reactions
+from tensegra.mechanics.rigid import Freedom, in_frame
 from tensegra.mechanics.status import (
     CriticalPoint,
     PathPoint,
@@ -62,8 +66,17 @@ class Equilibrium:
         Σ T (ℓ − l₀)/2, force times length.
     steps, iterations
         Increments and Newton solves that led to it, within its stage.
+    parameter
+        Path parameter in [0, 1] within its stage at which it stands, 1 at the end.
+    forces
+        Nodal forces that act there, weight included, shape ``(n_nodes, 3)``.
+    arrays
+        The structure as arrays.
     mechanisms
         For a collapse, the nodes that each free mechanism moves most.
+    rigid_motions
+        Rigid motions that neither supports nor loads hold: the position along them is free. It is given
+        where the mean square of the distances from where the stage began is least.
     """
 
     structure: Structure = field(repr=False)
@@ -79,7 +92,11 @@ class Equilibrium:
     strain_energy: float
     steps: int
     iterations: int
+    parameter: float
+    forces: FloatArray = field(repr=False)
+    arrays: StructureArrays = field(repr=False)
     mechanisms: tuple[tuple[str, ...], ...] = ()
+    rigid_motions: tuple[str, ...] = ()
 
     @property
     def succeeded(self) -> bool:
@@ -99,6 +116,14 @@ class Equilibrium:
     def tension(self, member: str | int) -> float:
         """Tension of a member, unit of force."""
         return float(self.tensions[index_of(self.structure.members, member, "member")])
+
+    @cached_property
+    def reactions(self) -> FloatArray:
+        """Forces of the supports on the structure, ``(n_nodes, 3)``; zero where nothing holds.
+
+        Together with `forces` they sum to zero, and so do their moments. NaN where failed.
+        """
+        return reactions(self.arrays, self.nodes, self.tensions, self.forces)
 
     @property
     def utilisation(self) -> dict[str, float]:
@@ -134,6 +159,7 @@ class Equilibrium:
             "tensions": None
             if failed
             else dict(zip(self.structure.members, self.tensions.tolist(), strict=True)),
+            "reactions": None if failed else self._reactions_by_node(),
             "slack": None if failed else list(self.slack_members),
             "residual": _finite(self.residual),
             "lowest_eigenvalue": _finite(self.lowest_eigenvalue),
@@ -142,8 +168,14 @@ class Equilibrium:
             "steps": self.steps,
             "iterations": self.iterations,
             "mechanisms": [list(nodes) for nodes in self.mechanisms],
+            "rigid_motions": list(self.rigid_motions),
             "utilisation": {} if failed else self.utilisation,
         }
+
+    def _reactions_by_node(self) -> dict[str, list[float]]:
+        """Return the reaction at each supported node, in the order of the nodes."""
+        supported = np.flatnonzero(~self.arrays.free.all(axis=1))
+        return {self.arrays.node_ids[n]: self.reactions[n].tolist() for n in supported}
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,8 +195,9 @@ class EquilibriumPath:
         What happened on the way, in order.
     history
         Every accepted step, in order.
-    given, load
-        The inputs at the last equilibrium, for its derivatives.
+    given, load, freedom
+        The inputs at the last equilibrium, and the rigid motions that are neutral there, for its
+        derivatives.
     """
 
     structure: Structure
@@ -172,6 +205,7 @@ class EquilibriumPath:
     actuation: Equilibrium | None
     given: Given = field(repr=False)
     load: Load = field(repr=False)
+    freedom: Freedom = field(repr=False)
     critical_points: tuple[CriticalPoint, ...] = ()
     slack_events: tuple[SlackEvent, ...] = ()
     history: tuple[PathPoint, ...] = field(default=(), repr=False)
@@ -237,9 +271,16 @@ class EquilibriumPath:
         """
         self.final.raise_for_status()
         direction = direction_of(self.given, of, name)
-        tangent = Tangent(self.given.arrays)
-        settle_tangent(tangent, self.final.nodes, self.load)
-        return differentiate(tangent, self.load, direction)
+        arrays, motions = self.given.arrays, self.freedom.neutral
+        nodes = self.final.nodes - arrays.origin
+        tangent = Tangent(arrays, motions=motions, nodes=nodes)
+        settle_tangent(tangent, nodes, self.load)
+        rates = differentiate(tangent, self.load, direction)
+        if not len(motions):
+            return rates
+        before = self.stages[-1].nodes - arrays.origin
+        framed = in_frame(rates.nodes.reshape(1, 1, -1), nodes[None], before[None], motions)
+        return replace(rates, nodes=framed.reshape(-1, 3))
 
     def raise_for_status(self) -> Self:
         """Return itself, or raise `SolverError` where the last equilibrium is not a stable one."""
@@ -259,7 +300,7 @@ class EquilibriumPath:
         return figures.shape_figure(self.structure, self.stages[-1].nodes, {"end of path": self.final.nodes})
 
     def to_dataframe(self) -> "pd.DataFrame":
-        """Return every accepted step as a row.
+        """Return every accepted step as a row; no row where the first stage failed.
 
         Columns are ``stage``, ``parameter`` and ``iterations``, then ``<node>.x|y|z`` in the unit of
         length and ``T.<member>`` in the unit of force.
@@ -267,14 +308,14 @@ class EquilibriumPath:
         import pandas as pd
 
         columns: dict[str, Any] = {
-            "stage": [point.stage for point in self.history],
-            "parameter": [point.parameter for point in self.history],
-            "iterations": [point.iterations for point in self.history],
+            "stage": pd.Series([point.stage for point in self.history], dtype="str"),
+            "parameter": np.array([point.parameter for point in self.history], dtype=np.float64),
+            "iterations": np.array([point.iterations for point in self.history], dtype=np.int64),
         }
-        nodes = np.array([point.nodes.ravel() for point in self.history])
+        nodes, tensions = history_arrays(self.structure, self.history)
+        coordinates = nodes.reshape(len(nodes), 3 * self.structure.n_nodes)
         names = [f"{node}.{axis}" for node in self.structure.nodes for axis in AXES]
-        columns |= dict(zip(names, nodes.T, strict=True))
-        tensions = np.array([point.tensions for point in self.history])
+        columns |= dict(zip(names, coordinates.T, strict=True))
         columns |= dict(zip((f"T.{member}" for member in self.structure.members), tensions.T, strict=True))
         return pd.DataFrame(columns)
 
@@ -288,22 +329,18 @@ class EquilibriumPath:
         """
         xarray = import_module("xarray")
         units = self.structure.units
+        nodes, tensions = history_arrays(self.structure, self.history)
         return xarray.Dataset(
             {
-                "nodes": (
-                    ("step", "node", "axis"),
-                    np.array([point.nodes for point in self.history]),
-                    {"units": units.length},
+                "nodes": (("step", "node", "axis"), nodes, {"units": units.length}),
+                "tensions": (("step", "member"), tensions, {"units": units.force}),
+                "parameter": (
+                    "step",
+                    np.array([point.parameter for point in self.history], dtype=np.float64),
                 ),
-                "tensions": (
-                    ("step", "member"),
-                    np.array([point.tensions for point in self.history]),
-                    {"units": units.force},
-                ),
-                "parameter": ("step", [point.parameter for point in self.history]),
             },
             coords={
-                "stage": ("step", [point.stage for point in self.history]),
+                "stage": ("step", np.array([point.stage for point in self.history], dtype=np.str_)),
                 "node": list(self.structure.nodes),
                 "axis": list(AXES),
                 "member": list(self.structure.members),
@@ -322,6 +359,7 @@ class EquilibriumPath:
             },
             "status": str(self.status),
             "reason": self.reason,
+            "rigid_motions": list(self.final.rigid_motions),
             "stages": [stage.to_dict() for stage in self.stages],
             "actuation": None,
             "critical_points": [

@@ -30,6 +30,8 @@ class PathSettings:
         Ratio of successive Newton corrections above which a step is cut.
     max_steps
         Steps of one stage after which it fails.
+    residual
+        ‖f − p‖∞ relative to the largest tension or load at which an equilibrium is accepted.
     path
         ``adaptive``, or ``stepped``: the plain procedure of the source, in fixed increments.
     increment
@@ -37,11 +39,12 @@ class PathSettings:
     """
 
     policy: Policy = "settle"
-    first_step: float = 0.25
+    first_step: float = 0.5
     smallest_step: float = 2e-7
-    largest_move: float = 0.05
+    largest_move: float = 0.15
     contraction: float = 0.5
     max_steps: int = 20_000
+    residual: float = 1e-9
     path: Procedure = "adaptive"
     increment: float = 0.01
 

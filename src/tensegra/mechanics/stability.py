@@ -1,4 +1,4 @@
-"""Does it stand: self-stress, mechanisms, prestress stability, natural frequencies.
+"""Does it stand: self-stress, mechanisms, prestress stability.
 
 The equilibrium matrix A has one column b = ∂ℓ/∂x a member: A t = p balances tensions t with loads p,
 Aᵀ v are the rates of the lengths. Its null space holds the states of self-stress, its left null
@@ -7,16 +7,17 @@ doi:10.1016/0020-7683(86)90014-4; for clustered cables Moored & Bart-Smith 2009,
 doi:10.1016/j.ijsolstr.2009.05.005).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tensegra.errors import SolverError
 from tensegra.mechanics.arrays import FloatArray, StructureArrays, segment_spans, structure_arrays
-from tensegra.mechanics.equilibrium import unbalanced
-from tensegra.mechanics.follow import most_moved_of_each
-from tensegra.mechanics.results import EquilibriumPath
-from tensegra.mechanics.tangent import Spectrum, Tangent
+from tensegra.mechanics.inputs import Load
+from tensegra.mechanics.results import Equilibrium, EquilibriumPath
+from tensegra.mechanics.rigid import RigidMotions
+from tensegra.mechanics.status import most_moved_of_each
+from tensegra.mechanics.tangent import Tangent
 from tensegra.structure import Structure
 
 SINGULAR = 1e-9
@@ -24,9 +25,6 @@ SINGULAR = 1e-9
 
 RANK_TOLERANCE = 1e-7
 """Singular values below this share of the largest are zero: coordinates are written to six digits."""
-
-STANDARD_GRAVITY = "9.80665 m"
-"""Per second squared: what turns a weight into a mass."""
 
 LARGEST_LISTED = 64
 """At most this many mechanisms are looked for in a large structure."""
@@ -65,22 +63,6 @@ class SelfStress:
     def n_mechanisms(self) -> int:
         """Number of independent mechanisms."""
         return self.n_free - self.rank
-
-
-@dataclass(frozen=True, eq=False)
-class Vibration:
-    """Lowest natural vibrations about an equilibrium.
-
-    Attributes
-    ----------
-    frequencies
-        In hertz, ascending, shape ``(n_modes,)``.
-    shapes
-        Mode shapes, largest component one, shape ``(n_modes, n_nodes, 3)``.
-    """
-
-    frequencies: FloatArray
-    shapes: FloatArray
 
 
 def equilibrium_matrix(
@@ -160,7 +142,7 @@ def prestress_stiffness(path: EquilibriumPath) -> float:
     A structure whose mechanisms are all stiffened by its prestress (a positive value) stands
     however stiff its members are; without mechanisms the value is infinite.
     """
-    tangent, _ = _tangent_at(path)
+    tangent = tangent_at(path)
     mechanisms = self_stress(path.structure, path.final.nodes).mechanisms
     if not len(mechanisms):
         return np.inf
@@ -170,56 +152,51 @@ def prestress_stiffness(path: EquilibriumPath) -> float:
     return float(np.linalg.eigvalsh(0.5 * (reduced + reduced.T))[0])
 
 
-def natural_frequencies(path: EquilibriumPath, n_modes: int = 6) -> Vibration:
-    """Return the lowest natural frequencies about the last equilibrium, with lumped masses.
-
-    Masses are the members' weights divided by standard gravity in the structure's units, half and
-    half at the nodes of each segment; K φ = ω² M φ.
-
-    Raises
-    ------
-    SolverError
-        Where the last equilibrium failed, or a movable node has no mass.
-    """
-    from scipy.linalg import eigh
-
-    tangent, arrays = _tangent_at(path)
-    gravity = path.structure.units.number(STANDARD_GRAVITY, "length")
-    mass = np.repeat(arrays.nodal_weight[tangent.pattern.block_node] / gravity, 3)[tangent.free_index]
-    if not np.all(mass > 0.0):
-        raise SolverError("natural frequencies need members with a weight at every movable node")
-    scale = 1.0 / np.sqrt(mass)
-    n_modes = min(n_modes, len(mass))
-    matrix = tangent.matrix() * scale * scale[:, None]
-    squares, vectors = eigh(matrix, subset_by_index=(0, n_modes - 1))
-    shapes = np.zeros((n_modes, 3 * tangent.pattern.n_blocks))
-    shapes[:, tangent.free_index] = (vectors * scale[:, None]).T
-    fields = np.zeros((n_modes, arrays.n_nodes, 3))
-    fields[:, tangent.pattern.block_node] = shapes.reshape(n_modes, -1, 3)
-    fields /= np.abs(fields).max(axis=(1, 2), keepdims=True)
-    return Vibration(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * np.pi), fields)
-
-
-def free_mechanisms(tangent: Tangent, spectrum: Spectrum) -> tuple[tuple[str, ...], ...]:
-    """Name the nodes that each zero-stiffness mode moves most, at the last measure of `tangent`.
+def free_mechanisms(
+    arrays: StructureArrays, motions: RigidMotions, nodes: FloatArray, load: Load
+) -> tuple[tuple[str, ...], ...]:
+    """Name the nodes that each mode without stiffness moves most.
 
     Modes of a multiple eigenvalue are not unique; together they span the free motions.
 
     Parameters
     ----------
-    tangent
-        Measured where the structure is.
-    spectrum
-        Its `LARGEST_LISTED` lowest modes there.
+    arrays
+        The structure.
+    motions
+        Neutral rigid motions, which are none of the mechanisms.
+    nodes
+        Positions about the arrays' own origin, ``(n_nodes, 3)``.
+    load
+        What acts there.
     """
+    tangent = Tangent(arrays, motions=motions, nodes=nodes)
+    tangent.measure(nodes, load)
+    spectrum = tangent.spectrum(LARGEST_LISTED)
     zero = np.abs(spectrum.values) <= SINGULAR * tangent.stiffness_scale
-    motions = np.linalg.norm(spectrum.vectors[zero], axis=2)
-    return most_moved_of_each(tangent.arrays.node_ids, motions)
+    return most_moved_of_each(arrays.node_ids, np.linalg.norm(spectrum.vectors[zero], axis=2))
 
 
-def _tangent_at(path: EquilibriumPath) -> tuple[Tangent, StructureArrays]:
+def with_mechanisms(result: Equilibrium, free: tuple[tuple[str, ...], ...]) -> Equilibrium:
+    """Return an equilibrium where K is singular with its free mechanisms, named in its reason too."""
+    if not free:
+        return result
+    names = sorted({node for moved in free for node in moved}, key=result.arrays.node_ids.index)
+    what = f"{len(free)} free mechanisms, which move" if len(free) > 1 else "a free mechanism, which moves"
+    reason = f"{result.reason}; {what} nodes {', '.join(names)}"
+    return replace(result, mechanisms=free, reason=reason)
+
+
+def tangent_at(path: EquilibriumPath) -> Tangent:
+    """Return the tangent system, measured at the last equilibrium of a path.
+
+    Raises
+    ------
+    SolverError
+        Where this failed.
+    """
     if not np.all(np.isfinite(path.final.nodes)):
         raise SolverError("a failed run has no stiffness")
     tangent = Tangent(path.given.arrays)
-    unbalanced(tangent, path.final.nodes, path.load)
-    return tangent, path.given.arrays
+    tangent.measure(path.final.nodes - path.given.arrays.origin, path.load)
+    return tangent

@@ -4,6 +4,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
+
 from tensegra.errors import ModelError
 from tensegra.mechanics.arrays import AXES, FloatArray
 
@@ -117,3 +119,19 @@ def index_of(names: Iterable[str], name: str | int, what: str) -> int:
         return ids.index(str(name))
     except ValueError:
         raise ModelError.at(what, name, f"the id of a {what}", candidates=ids) from None
+
+
+def most_moved(node_ids: tuple[str, ...], motion: FloatArray) -> tuple[str, ...]:
+    """Return up to four nodes that move most, none below a third of the largest motion."""
+    return most_moved_of_each(node_ids, motion[None])[0]
+
+
+def most_moved_of_each(node_ids: tuple[str, ...], motions: FloatArray) -> tuple[tuple[str, ...], ...]:
+    """Return `most_moved` for each row of `motions`, ``(n, n_nodes)``."""
+    most = np.argsort(-motions, axis=1, kind="stable")[:, :4]
+    moved = np.take_along_axis(motions, most, axis=1)
+    counts = (moved > motions.max(axis=1, keepdims=True, initial=0.0) / 3.0).sum(axis=1)
+    return tuple(
+        tuple(node_ids[n] for n in row[:count])
+        for row, count in zip(most.tolist(), counts.tolist(), strict=True)
+    )

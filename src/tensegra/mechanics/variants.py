@@ -8,6 +8,7 @@ import numpy as np
 from tensegra.errors import ModelError
 from tensegra.mechanics.arrays import FloatArray, StructureArrays, lumped_weight
 from tensegra.structure import Structure
+from tensegra.structure.overlaps import require_one_change
 
 
 @dataclass(frozen=True)
@@ -38,12 +39,16 @@ class Variants:
         return Variants(*({name: values[runs] for name, values in group.items()} for group in self.groups()))
 
     def check(self, structure: Structure) -> None:
-        """Raise `ModelError` for a name that the structure does not have or a value that cannot be."""
+        """Raise `ModelError` for a name that the structure does not have or a value that cannot be.
+
+        A member of which two names set the area is refused with both of them.
+        """
         known = {"youngs_modulus": structure.materials, "rest_length": structure.members}
         for what, names in known.items():
             for name in getattr(self, what):
                 if name not in names:
                     raise ModelError.at(what, name, "a material or a member", candidates=names)
+        require_one_change(structure, "area", self.area)
         without = [
             m
             for name in self.area

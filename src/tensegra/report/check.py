@@ -9,11 +9,10 @@ from tensegra.mechanics import EquilibriumPath, solve_path
 from tensegra.mechanics.stability import (
     LARGEST_SVD,
     SelfStress,
-    Vibration,
-    natural_frequencies,
     prestress_stiffness,
     self_stress,
 )
+from tensegra.mechanics.vibration import Vibration, natural_frequencies
 from tensegra.report.pipeline import require_sound
 from tensegra.structure import Structure
 from tensegra.study import Study
@@ -40,7 +39,8 @@ class StructureCheck:
         Lowest stiffness that the tensions give to the mechanisms, force per length; None where
         there is no stable equilibrium.
     vibration
-        Lowest natural frequencies; None where there is no stable equilibrium or no mass.
+        Lowest natural frequencies with consistent masses; None where there is no stable equilibrium
+        or no mass.
     """
 
     structure: Structure
@@ -151,7 +151,7 @@ def check_structure(structure: Structure) -> StructureCheck:
 def _vibration(path: EquilibriumPath) -> Vibration | None:
     try:
         return natural_frequencies(path)
-    except SolverError:  # a movable node without mass
+    except SolverError:  # nothing that moves has a mass
         return None
 
 

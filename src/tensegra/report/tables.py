@@ -14,6 +14,7 @@ import numpy as np
 
 from tensegra.errors import ModelError
 from tensegra.mechanics import Equilibrium, EquilibriumPath
+from tensegra.mechanics.history import history_arrays
 from tensegra.structure import Member, Structure
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ __all__ = [
     "history_frame",
     "labelled",
     "number",
+    "reaction_table",
     "stage_table",
     "structure_table",
     "tension_table",
@@ -44,6 +46,9 @@ MOST_DECIMALS = 8
 
 MOST_ROWS = 24
 """Nodes that a table of displacements lists; of a larger structure those that move most."""
+
+HISTORY_FILES = (".parquet", ".csv")
+"""Ends of the names of files that a history can be written to."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +111,7 @@ def aligned(values: Iterable[float], digits: int = 6) -> list[str]:
     decimals = max(0, digits - 1 - floor(log10(largest))) if largest > 0.0 else 0
     if decimals > MOST_DECIMALS or largest >= 10.0**digits:
         return [number(value, digits) for value in numbers]
-    return [f"{value:.{decimals}f}" if isfinite(value) else NOTHING for value in numbers]
+    return [f"{value:z.{decimals}f}" if isfinite(value) else NOTHING for value in numbers]
 
 
 def labelled(text: str, unit: str) -> str:
@@ -230,8 +235,30 @@ def tension_table(equilibrium: Equilibrium) -> Table:
     return Table.of(title, ("", "Members", "Slack", "Least", "in", "Greatest", "in"), rows, "lrrrlrl")
 
 
+def reaction_table(equilibrium: Equilibrium) -> Table:
+    """List the forces of the supports on the structure, largest first where not all nodes fit, and their sum.
+
+    A dash stands where a coordinate is free.
+    """
+    structure, forces = equilibrium.structure, equilibrium.reactions
+    held = ~equilibrium.arrays.free
+    shown = np.flatnonzero(held.any(axis=1))
+    if not len(shown):
+        return Table.of("Reactions", ("Node", "x", "y", "z"), [], "lrrr")
+    total, note = forces.sum(axis=0), "forces of the supports on the structure"
+    if len(shown) > MOST_ROWS:
+        note += f"; the {MOST_ROWS} of {len(shown)} supported nodes where they are largest"
+        magnitude = np.linalg.norm(forces[shown], axis=1)
+        shown = np.sort(shown[np.argsort(-magnitude, kind="stable")[:MOST_ROWS]])
+    listed = np.where(held, forces, np.nan)[shown]
+    texts = aligned(np.vstack([listed, total]).ravel())
+    names = [*(structure.node_ids[n] for n in shown), "sum"]
+    rows = [(name, *texts[3 * i : 3 * i + 3]) for i, name in enumerate(names)]
+    return Table.of(f"Reactions, {structure.units.force}", ("Node", "x", "y", "z"), rows, "lrrr", note)
+
+
 def history_frame(path: EquilibriumPath) -> "pd.DataFrame":
-    """Return every accepted step of a history as a row.
+    """Return every accepted step of a history as a row; no row where the first stage failed.
 
     Columns: ``stage``, ``parameter``, ``iterations``, then ``x_<node>``, ``y_<node>``, ``z_<node>`` and
     ``tension_<member>``. The units stand in the frame's `attrs`, which Parquet keeps.
@@ -239,19 +266,17 @@ def history_frame(path: EquilibriumPath) -> "pd.DataFrame":
     import pandas as pd
 
     structure, units = path.structure, path.structure.units
-    history = path.history
-    columns = {
-        "stage": [point.stage for point in history],
-        "parameter": [point.parameter for point in history],
-        "iterations": [point.iterations for point in history],
+    steps = {
+        "stage": pd.Series([point.stage for point in path.history], dtype="str"),
+        "parameter": np.array([point.parameter for point in path.history], dtype=np.float64),
+        "iterations": np.array([point.iterations for point in path.history], dtype=np.int64),
     }
+    nodes, tensions = history_arrays(structure, path.history)
     numbers: dict[str, np.ndarray] = {}
-    nodes = np.array([point.nodes for point in history]).reshape(len(history), -1, 3)
-    tensions = np.array([point.tensions for point in history]).reshape(len(history), -1)
     for n, node in enumerate(structure.node_ids):
         numbers |= {f"{axis}_{node}": nodes[:, n, i] for i, axis in enumerate("xyz")}
     numbers |= {f"tension_{member}": tensions[:, e] for e, member in enumerate(structure.member_ids)}
-    frame = pd.DataFrame(columns | numbers)
+    frame = pd.DataFrame(steps | numbers)
     frame.attrs = {
         "structure": structure.name,
         "units": {"length": units.length, "force": units.force, "temperature": units.temperature},
@@ -260,18 +285,22 @@ def history_frame(path: EquilibriumPath) -> "pd.DataFrame":
 
 
 def write_history(path: EquilibriumPath, file: Path) -> None:
-    """Write `history_frame` as Parquet.
+    """Write `history_frame` as Parquet or, for reading anywhere, as CSV with all digits.
 
     Raises
     ------
     ModelError
-        The file is not named so, or cannot be written.
+        The file is named otherwise, or cannot be written.
     """
-    if file.suffix.lower() != ".parquet":
-        raise ModelError.at("-o", file.name, "a file named .parquet")
+    suffix = file.suffix.lower()
+    if suffix not in HISTORY_FILES:
+        raise ModelError.at("-o", file.name, "a file named .parquet or .csv", candidates=HISTORY_FILES)
     frame = history_frame(path)
     try:
-        frame.to_parquet(file, index=False)
+        if suffix == ".csv":
+            frame.to_csv(file, index=False, lineterminator="\n")
+        else:
+            frame.to_parquet(file, index=False)
     except OSError as error:
         raise ModelError(f"{file}: cannot be written ({(error.strerror or str(error)).lower()})") from None
 
@@ -317,7 +346,7 @@ def check_lines(result: "StructureCheck") -> list[str]:
         )
     if result.vibration is not None:
         frequencies = ", ".join(f"{frequency:.3g}" for frequency in result.vibration.frequencies[:4])
-        lines.append(f"Lowest natural frequencies {frequencies} Hz (lumped masses from the weights).")
+        lines.append(f"Lowest natural frequencies {frequencies} Hz (consistent masses from the weights).")
     utilisation = result.path.final.utilisation if result.path.final.succeeded else {}
     if utilisation:
         member, share = max(utilisation.items(), key=lambda item: item[1])

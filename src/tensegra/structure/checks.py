@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from math import inf, isclose, isfinite
 from typing import TYPE_CHECKING
 
+from tensegra.structure.overlaps import find_overlaps, member_parts
 from tensegra.structure.problems import NOTHING, Place, Problem
 from tensegra.units import is_number
 
@@ -187,22 +188,21 @@ def _stage_temperatures(structure: "Structure", place: Place, stage: "Stage") ->
     yield from _known(
         (*place, "temperatures"), stage.temperatures, names, "the id of a member or of a group", None
     )
-    given: dict[str, str] = {}
+    sound: list[str] = []
     for name, difference in stage.temperatures.items():
         where = (*place, "temperatures", name)
         problems = [*_number(where, difference)]
         yield from problems
         if problems or name not in names:
             continue
+        sound.append(name)
         for member in structure.members_named(name):
-            earlier = given.setdefault(member, name)
-            if stage.temperatures[earlier] != difference:
-                yield Problem(
-                    where, difference, f"one temperature of member {member!r}, which {earlier!r} sets too"
-                )
             material = structure.materials.get(structure.members[member].material or "")
             if material is not None and 1.0 + material.thermal_expansion * difference <= 0.0:
                 yield Problem(where, difference, f"a temperature that leaves member {member!r} a rest length")
+    for overlap in find_overlaps((name, member_parts(structure, name)) for name in sound):
+        where = (*place, "temperatures", overlap.name)
+        yield Problem(where, stage.temperatures[overlap.name], overlap.expected("temperature"))
 
 
 def _stage_positions(structure: "Structure", place: Place, stage: "Stage") -> Iterator[Problem]:

@@ -18,7 +18,7 @@ __all__ = ["DIFFERENTIABLE", "derivative_name", "output_derivatives", "parameter
 
 Array: TypeAlias = NDArray[np.float64]
 
-DIFFERENTIABLE = ("displacement", "coordinate", "distance", "tension")
+DIFFERENTIABLE = ("displacement", "coordinate", "distance", "tension", "reaction")
 """Quantities whose outputs have derivatives; the others have kinks, or jump."""
 
 BEFORE_STAGES = ("youngs_modulus", "area", "rest_length", "prestress")
@@ -38,11 +38,20 @@ def derivative_name(output: str, variable: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Rates:
-    """Rates of solved runs with one variable: positions, their start, tensions; batch axis first."""
+    """Rates of solved runs with one variable; batch axis first.
+
+    Attributes
+    ----------
+    nodes, start, tensions
+        Of the positions, of those from which displacements are measured, and of the tensions.
+    loads
+        Of the nodal forces, weight included; none unless an output is a reaction.
+    """
 
     nodes: Array
     start: Array
     tensions: Array
+    loads: Array
 
 
 def output_derivatives(
@@ -84,9 +93,10 @@ def output_derivatives(
         early = [variable for variable in variables if variable.quantity in BEFORE_STAGES]
         starts = solve(runs.structure, **before, derivatives=parameters_along(early, arguments))
     values = np.full((len(X), len(outputs), len(variables)), np.nan)
+    loaded = any(output.quantity == "reaction" for output in outputs)
     for j, (variable, column) in enumerate(zip(variables, X.T, strict=True)):
         moves_start = variable.quantity in BEFORE_STAGES
-        rates = _rates(variable, column, runs, starts if moves_start else None, arguments)
+        rates = _rates(variable, column, runs, starts if moves_start else None, arguments, loaded=loaded)
         for i, output in enumerate(outputs):
             if output.quantity in DIFFERENTIABLE:
                 values[:, i, j] = _CHAINS[output.quantity](output, runs, rates)
@@ -118,17 +128,29 @@ def _rates(
     runs: "Batch",
     starts: "Batch | None",
     arguments: Mapping[str, Mapping[Any, Array]],
+    *,
+    loaded: bool,
 ) -> Rates:
     """Return the rates with one variable: those with the parameters it sets, weighted by the chain rule."""
-    total = Rates(np.zeros_like(runs.nodes), np.zeros_like(runs.nodes), np.zeros_like(runs.tensions))
+    nodes, start, loads = (np.zeros_like(runs.nodes) for _ in range(3))
+    total = Rates(nodes, start, np.zeros_like(runs.tensions), loads)
     for kind, name, weight in _parameters(variable, arguments.get("rest_length", {})):
         by = runs.derivative(name, kind)
         weighted = np.broadcast_to(weight(column), runs.n_runs)
         total.nodes[...] += weighted[:, None, None] * by.nodes
         total.tensions[...] += weighted[:, None] * by.tensions
+        if loaded:
+            total.loads[...] += weighted[:, None, None] * _load_rates(runs, kind, name)
         if starts is not None:
             total.start[...] += weighted[:, None, None] * starts.derivative(name, kind).nodes
     return total
+
+
+def _load_rates(runs: "Batch", kind: "ParameterKind", name: object) -> Array:
+    """Return the rates of the nodal forces with one parameter of the solver, (n_nodes, 3)."""
+    from tensegra.mechanics.endloads import end_load_rates
+
+    return end_load_rates(runs.structure, kind, name)
 
 
 def _parameters(
@@ -175,10 +197,27 @@ def _distance(output: Output, runs: "Batch", rates: Rates) -> Array:
     return np.asarray(np.divide(moved, apart, out=np.full(len(apart), np.nan), where=apart > 0.0))
 
 
+def _reaction(output: Output, runs: "Batch", rates: Rates) -> Array:
+    from tensegra.mechanics.arrays import structure_arrays
+    from tensegra.mechanics.reactions import reaction_rates
+
+    by_node = reaction_rates(
+        structure_arrays(runs.structure),
+        runs.nodes,
+        runs.tensions,
+        node_rates=rates.nodes,
+        tension_rates=rates.tensions,
+        load_rates=rates.loads,
+    )
+    rows = [runs.node_ids.index(node) for node in output.nodes]
+    return np.asarray(by_node[:, rows, "xyz".index(output.target)].sum(axis=1))
+
+
 _CHAINS: "dict[str, Callable[[Output, Batch, Rates], Array]]" = {
     "displacement": lambda output, runs, rates: _mean(output, runs, rates.nodes - rates.start),
     "coordinate": lambda output, runs, rates: _mean(output, runs, rates.nodes),
     "distance": _distance,
+    "reaction": _reaction,
     "tension": lambda output, runs, rates: rates.tensions[:, runs.member_ids.index(output.target)],
 }
 """How the rate of each quantity follows from those of positions and tensions."""

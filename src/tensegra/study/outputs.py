@@ -35,6 +35,9 @@ class OutputEntry(OneOf):
         Between the two `nodes` given.
     ``tension``
         Of a member.
+    ``reaction``
+        Force of the supports on the structure along an axis, the sum over `nodes`, which must be
+        held along it.
     ``max_tension``, ``min_tension``, ``slack_cables``
         The largest and the smallest tension, the number of slack cables, of a group or of ``all``.
     ``lowest_eigenvalue``
@@ -45,6 +48,7 @@ class OutputEntry(OneOf):
     coordinate: Axis | None = None
     distance: Literal[True] | None = None
     tension: Identifier | None = None
+    reaction: Axis | None = None
     max_tension: Identifier | None = None
     min_tension: Identifier | None = None
     slack_cables: Identifier | None = None
@@ -62,6 +66,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "coordinate": "length",
     "distance": "length",
     "tension": "force",
+    "reaction": "force",
     "max_tension": "force",
     "min_tension": "force",
     "slack_cables": "ratio",
@@ -151,7 +156,7 @@ def _members(entry: OutputEntry, structure: Structure, place: str) -> tuple[str,
 
 
 def _require_nodes(entry: OutputEntry, structure: Structure, place: str) -> None:
-    about_nodes = entry.kind in {"displacement", "coordinate", "distance"}
+    about_nodes = entry.kind in {"displacement", "coordinate", "distance", "reaction"}
     if about_nodes and entry.nodes is None:
         raise StudyError(f"{place}.nodes: the key is missing")
     if not about_nodes and entry.nodes is not None:
@@ -161,6 +166,18 @@ def _require_nodes(entry: OutputEntry, structure: Structure, place: str) -> None
     for i, node in enumerate(entry.nodes or ()):
         if node not in structure.nodes:
             raise StudyError.at(f"{place}.nodes[{i}]", node, "a node", candidates=structure.nodes)
+    if entry.kind == "reaction":
+        _require_supports(entry.nodes or (), str(entry.value), structure, place)
+
+
+def _require_supports(nodes: Nodes, axis: str, structure: Structure, place: str) -> None:
+    """Refuse nodes of a sum of reactions that are not held along the axis, or would count twice."""
+    held = [node for node, axes in structure.supports.items() if axis in axes]
+    for i, node in enumerate(nodes):
+        if node not in held:
+            raise StudyError.at(f"{place}.nodes[{i}]", node, f"a node held along {axis}", candidates=held)
+        if node in nodes[:i]:
+            raise StudyError.at(f"{place}.nodes[{i}]", node, "each node once, for the reactions are summed")
 
 
 def _distance(output: Output, runs: "Batch") -> Array:
@@ -188,6 +205,7 @@ _VALUES: dict[str, Callable[[Output, "Batch"], Array]] = {
     "coordinate": lambda output, runs: runs.coordinate(output.target, nodes=output.nodes),
     "distance": _distance,
     "tension": lambda output, runs: runs.tension(output.target),
+    "reaction": lambda output, runs: runs.reaction(output.target, nodes=output.nodes),
     "max_tension": lambda output, runs: _tensions(output, runs).max(axis=1),
     "min_tension": lambda output, runs: _tensions(output, runs).min(axis=1),
     "slack_cables": _slack_cables,

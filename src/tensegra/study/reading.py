@@ -102,7 +102,7 @@ def _build(content: dict[str, Any], *, source: str, folder: Path, name: str) -> 
         key: bind_variable(key, entry, structure, f"{source} variables.{key}")
         for key, entry in file.variables.items()
     }
-    require_distinct_targets(variables, f"{source} variables")
+    require_distinct_targets(variables, structure, f"{source} variables")
     outputs = tuple(
         bind_output(key, entry, structure, f"{source} outputs.{key}") for key, entry in file.outputs.items()
     )

@@ -137,7 +137,7 @@ class Study:
             "variables": {variable.name: _unlabelled(variable.to_mapping()) for variable in self.variables},
             "correlation": None if self.space.correlation is None else self.space.correlation.tolist(),
             "outputs": {output.name: _unlabelled(output.to_mapping()) for output in self.outputs},
-            "solver": self.solver.written(),
+            "solver": self.solver.acting,
             "derivatives": self.derivatives,
         }
         return sha256(json.dumps(content).encode()).hexdigest()
@@ -242,7 +242,7 @@ class Study:
             "seed": self.seed,
             "variables": {variable.name: variable.to_mapping() for variable in self.variables},
             "outputs": {output.name: output.to_mapping() for output in self.outputs},
-            "solver": self.solver.written(),
+            "solver": self.solver.acting,
             "derivatives": self.derivatives,
             "design": self.design.written(),
             "selection": self.selection.written(),

@@ -6,6 +6,7 @@ from typing import Any, Literal, TypeAlias
 
 from tensegra.errors import StudyError
 from tensegra.structure import Structure
+from tensegra.structure.overlaps import find_overlaps, member_parts
 from tensegra.study.distributions import Distribution, as_distribution
 from tensegra.study.entry import Entry, Identifier, OneOf
 from tensegra.study.law_entries import DistributionEntry
@@ -67,9 +68,11 @@ class VariableEntry(OneOf):
     ``actuator``
         The actuator's value.
     ``temperature``
-        Difference of temperature of a member or a group.
+        Difference of temperature of a member or a group, added to that of the stages; those of a
+        group and of its member add up.
     ``youngs_modulus``, ``area``, ``rest_length``
-        The value itself, of a material, of a member or group, of a member, before all stages.
+        The value itself, of a material, of a member or group, of a member, before all stages; it
+        takes the place of what the structure and the study's `changes` say.
     ``load``
         Force on a node along an axis, added to the last stage's.
     ``position``
@@ -252,20 +255,40 @@ def require_range(variable: Variable, structure: Structure, values: tuple[float,
                 raise StudyError(f"{place}: found {found}, expected values above -1 that leave a rest length")
 
 
-def require_distinct_targets(variables: Mapping[str, Variable], place: str) -> None:
-    """Refuse two variables that act on the same thing, for one would overrule the other.
+def require_distinct_targets(variables: Mapping[str, Variable], structure: Structure, place: str) -> None:
+    """Refuse two variables that give one quantity its value, directly or through a group.
+
+    Temperatures of a group and of its member are differences and add up.
+
+    Parameters
+    ----------
+    variables
+        By their names.
+    structure
+        Whose groups, members and nodes they name.
+    place
+        Where they stand, the beginning of the message.
 
     Raises
     ------
     StudyError
         Naming both.
     """
-    seen: dict[tuple[str, str], str] = {}
-    for name, variable in variables.items():
-        parts = variable.target.members if isinstance(variable.target, Prestress) else [str(variable.target)]
-        for part in parts:
-            other = seen.setdefault((variable.quantity, part), name)
-            if other != name:
-                raise StudyError(
-                    f"{place}.{name}: acts on the {variable.quantity} {part!r}, as {other!r} does"
-                )
+    for quantity in DIMENSIONS:
+        acting = [variable for variable in variables.values() if variable.quantity == quantity]
+        named = ((variable.name, _changed_parts(variable, structure)) for variable in acting)
+        for overlap in find_overlaps(named):
+            target = str(variables[overlap.name].target)
+            raise StudyError.at(f"{place}.{overlap.name}", target, overlap.expected(quantity))
+
+
+def _changed_parts(variable: Variable, structure: Structure) -> list[str]:
+    """Return all that a variable changes, as `find_overlaps` takes it."""
+    target = variable.target
+    if isinstance(target, Prestress):
+        return [f"member {member!r} in stage {target.stage!r}" for member in target.members]
+    if isinstance(target, Coordinate):
+        return [f"node {target.node} along {target.axis}"]
+    if variable.quantity == "area":
+        return member_parts(structure, target)
+    return [repr(target)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tensegra.errors import ModelError
-from tensegra.mechanics import PathSettings, block, solve_batch, solve_path
+from tensegra.mechanics import PathSettings, solve_batch, solve_path
 from tensegra.structure import Member, Structure, apply_changes, library, parse_structure
 
 SAME = 1e-9
@@ -247,20 +247,14 @@ def test_a_varied_run_that_does_not_snap_is_not_called_snapped():
 
 
 @pytest.mark.parametrize("named", ["paper_beam", "paper_beam_slender"])
-def test_runs_far_from_the_nominal_moduli_go_in_lockstep_too(named, monkeypatch):
+def test_runs_far_from_the_nominal_moduli_are_those_of_the_varied_structure(named):
     structure = getattr(library, named)()
     share = np.linspace(0.5, 1.5, 11)
     modulus = structure.materials["steel_rope"].youngs_modulus * share
     actuation = np.full(share.size, 0.08)
-
-    def alone(*_args, **_kwargs):
-        raise AssertionError("a run was followed alone")
-
-    monkeypatch.setattr(block, "prepare", alone)
     runs = solve_batch(
         structure, actuation={"A14": actuation, "A23": actuation}, youngs_modulus={"steel_rope": modulus}
     )
-    monkeypatch.undo()
     assert set(runs.status) == {"stable"}
     for run in (0, 10):
         material = replace(structure.materials["steel_rope"], youngs_modulus=modulus[run])
@@ -271,3 +265,45 @@ def test_runs_far_from_the_nominal_moduli_go_in_lockstep_too(named, monkeypatch)
         np.testing.assert_allclose(
             runs.displacement("z", [23])[run], path.displacement("z", [23]), atol=SAME * size
         )
+
+
+@pytest.mark.parametrize("path", ["adaptive", "stepped"])
+@pytest.mark.parametrize("names", [("clustered", "K1"), ("K1", "clustered")])
+def test_two_areas_of_one_member_are_refused_with_both_names(beam, names, path):
+    first, second = names
+    message = f"area: found '{second}', expected one area of member 'K1', which '{first}' sets too"
+    with pytest.raises(ModelError, match=message):
+        solve_batch(beam, area={first: [0.5], second: [0.5]}, path=path)
+
+
+@pytest.mark.parametrize("path", ["adaptive", "stepped"])
+def test_temperatures_of_a_run_add_up_by_every_path(path):
+    ropes = parse_structure(
+        {
+            "nodes": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [2, 0, 0]},
+            "materials": {"m": {"youngs_modulus": 1000.0, "thermal_expansion": 1e-3}},
+            "members": {
+                name: {
+                    "kind": "cable",
+                    "nodes": nodes,
+                    "material": "m",
+                    "area": 1.0,
+                    "rest_length": 0.9,
+                    "groups": ["g"],
+                }
+                for name, nodes in {"k": ["a", "b"], "l": ["b", "c"]}.items()
+            },
+            "supports": {"a": "xyz", "b": "yz", "c": "xyz"},
+            "stages": [
+                {"name": "warm", "temperatures": {"g": 10.0}},
+                {"name": "more", "temperatures": {"k": 20.0}},
+            ],
+        }
+    )
+    alone = solve_path(ropes, temperature={"g": 5.0, "k": 2.0}, path=path).final
+    many = solve_batch(ropes, temperature={"k": [2.0, 2.0], "g": [5.0, 5.0]}, path=path)
+    rest = 0.9 * (1 + 1e-3 * np.array([20.0 + 5.0 + 2.0, 10.0 + 5.0]))
+    # Two springs in series under a total length of 2: one tension T, lengths l₀ (1 + T/EA).
+    tension = 1000.0 * (2.0 / rest.sum() - 1.0)
+    np.testing.assert_allclose(alone.tensions, tension, rtol=SAME)
+    np.testing.assert_allclose(many.tensions, tension, rtol=SAME)

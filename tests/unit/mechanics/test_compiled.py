@@ -1,14 +1,21 @@
 """The cache on disk: a compiled kernel is fresh as long as nothing that it takes in has changed."""
 
+import ast
 import re
 import subprocess
 import sys
 
 import pytest
 
-from tensegra.mechanics import compiled, kernels, lockstep, lockstep_fall, lockstep_stepped
+from tensegra.mechanics import certify, compiled, descend, follow, kernels, stepped
 
-KERNELS = [kernels.factorise, lockstep.follow_runs, lockstep_stepped.follow_stepped, lockstep_fall.fall_runs]
+KERNELS = [
+    kernels.factorise,
+    follow.follow_runs,
+    stepped.step_runs,
+    descend.fall_runs,
+    certify.certify_runs,
+]
 
 
 @pytest.mark.parametrize("kernel", KERNELS, ids=lambda kernel: kernel.__name__)
@@ -24,6 +31,24 @@ def test_every_file_of_kernels_is_watched():
         if re.search(r"^@(njit|intrinsic)", file.read_text(), re.MULTILINE)
     }
     assert uses <= set(compiled.KERNEL_FILES)
+    assert all(file.is_file() for file in compiled.KERNEL_FILES)
+
+
+def test_what_is_compiled_in_from_other_files_is_watched_too():
+    # Constants and tuples that a kernel takes in are as fixed in it as its own lines.
+    watched = {file.stem for file in compiled.KERNEL_FILES}
+    for file in compiled.KERNEL_FILES:
+        tree = ast.parse(file.read_text())
+        compiled_lines = [
+            node for node in tree.body if isinstance(node, ast.FunctionDef) and node.decorator_list
+        ]
+        used = {name.id for node in compiled_lines for name in ast.walk(node) if isinstance(name, ast.Name)}
+        for node in tree.body:
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tensegra.mechanics"):
+                for alias in node.names:
+                    if (alias.asname or alias.name) in used:
+                        module = node.module.removeprefix("tensegra.mechanics").lstrip(".") or alias.name
+                        assert module in watched, f"{file.stem} compiles {alias.name} of {module} in"
 
 
 def test_the_digest_changes_with_any_file(tmp_path):

@@ -54,6 +54,8 @@ def test_path_as_plain_values(path, beam):
     assert list(actuation["nodes"]) == list(beam.nodes)
     assert actuation["tensions"]["K1"] == path.final.tension("K1")
     assert actuation["slack"] == []
+    assert list(actuation["reactions"]) == list(beam.supports)
+    assert actuation["reactions"]["4"] == path.final.reactions[beam.node_ids.index("4")].tolist()
     assert actuation["lowest_eigenvalue"] == path.final.lowest_eigenvalue
     for key in ("residual", "steps", "iterations", "reason", "strain_energy"):
         assert key in actuation
@@ -72,6 +74,7 @@ def test_a_failure_has_no_numbers(failed):
         "nodes",
         "tensions",
         "slack",
+        "reactions",
         "residual",
         "lowest_eigenvalue",
         "strain_energy",
@@ -226,6 +229,48 @@ def test_history_as_a_dataset(bent):
     assert data["nodes"].attrs["units"] == "cm"
     last = data["nodes"].isel(step=-1).sel(node="23", axis="z")
     assert float(last) == bent.final.node("23")[2]
+
+
+ROPE = {
+    "nodes": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [2, 0, 0]},
+    "members": {
+        "r": {"kind": "cable", "nodes": ["a", "b"], "stiffness": 1e5},
+        "q": {"kind": "cable", "nodes": ["b", "c"], "stiffness": 1e5},
+    },
+    "supports": {"a": "xyz", "c": "xyz"},
+    "stages": [{"name": "prestress", "rest_length_changes": {"r": -0.01}}],
+}
+
+
+def test_a_stage_found_in_one_go_has_its_end_in_the_history():
+    found = solve_path(parse_structure(ROPE))
+    last = found.to_dataframe().iloc[-1]
+    assert (last["stage"], last["parameter"]) == ("prestress", 1.0)
+    # Two springs in series: rest lengths of 0.99 and 1 under a total length of 2.
+    tension = 1e5 * (2 / 1.99 - 1)
+    assert [last["T.r"], last["T.q"]] == pytest.approx([tension, tension], rel=1e-9)
+    assert last["b.x"] == pytest.approx(2 * 0.99 / 1.99, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", [name for name in library.__all__ if name != "gripper"])
+def test_every_history_ends_where_the_path_does(name):
+    found = solve_path(getattr(library, name)())
+    last = found.to_dataframe().iloc[-1]
+    nodes = last[[f"{node}.{axis}" for node in found.structure.nodes for axis in "xyz"]]
+    np.testing.assert_allclose(nodes.to_numpy(dtype=float), found.final.nodes.ravel(), rtol=0, atol=0)
+
+
+def test_a_history_without_a_step_is_a_table_of_all_columns(bent):
+    empty, full = replace(bent, history=()).to_dataframe(), bent.to_dataframe()
+    assert len(empty) == 0
+    assert list(empty) == list(full)
+    assert empty.dtypes.tolist() == full.dtypes.tolist()
+
+
+def test_a_history_without_a_step_is_a_dataset_of_all_names(bent):
+    pytest.importorskip("xarray")
+    data = replace(bent, history=()).to_xarray()
+    assert data.sizes == {"step": 0, "node": 24, "axis": 3, "member": 48}
 
 
 def test_a_path_draws_itself(bent, tmp_path):

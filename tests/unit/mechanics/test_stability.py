@@ -1,16 +1,14 @@
 import numpy as np
 import pytest
 
-from tensegra.errors import SolverError
 from tensegra.mechanics import solve_path
 from tensegra.mechanics.arrays import structure_arrays
 from tensegra.mechanics.stability import (
     equilibrium_matrix,
-    natural_frequencies,
     prestress_stiffness,
     self_stress,
 )
-from tensegra.structure import Structure, library, parse_structure
+from tensegra.structure import Structure, library
 
 
 @pytest.mark.parametrize("n_struts", [3, 4, 5, 6])
@@ -66,30 +64,6 @@ def test_prestress_holds_the_mechanisms_of_the_beam():
     stiffness = prestress_stiffness(path)
     # On the mechanisms alone: an upper bound of the lowest eigenvalue of K, by Courant and Fischer.
     assert path.final.lowest_eigenvalue <= stiffness < 1.1 * path.final.lowest_eigenvalue
-
-
-def test_a_mass_on_two_ropes_swings_as_a_string_does():
-    # A mass m between two ropes of length l under tension T: across them k = 2 T/l, along 2 EA/l₀.
-    tension, length, stiffness, weight = 5.0, 2.0, 1e3, 0.1
-    rest = length / (1 + tension / stiffness)
-    rope = {"kind": "cable", "material": "rope", "area": 1.0, "rest_length": rest}
-    structure = parse_structure(
-        {
-            "nodes": {"1": [0, 0, 0], "2": [length, 0, 0], "3": [2 * length, 0, 0]},
-            "materials": {"rope": {"youngs_modulus": stiffness, "weight": weight / length}},
-            "members": {"a": {**rope, "nodes": [1, 2]}, "b": {**rope, "nodes": [2, 3]}},
-            "supports": {"1": "xyz", "3": "xyz"},
-        }
-    )
-    mass = weight / 9.80665
-    across, along = np.sqrt(2 * tension / length / mass), np.sqrt(2 * stiffness / rest / mass)
-    expected = np.array([across, across, along]) / (2 * np.pi)
-    np.testing.assert_allclose(natural_frequencies(solve_path(structure)).frequencies, expected, rtol=1e-9)
-
-
-def test_frequencies_need_a_mass():
-    with pytest.raises(SolverError, match="weight"):
-        natural_frequencies(solve_path(library.prism()))
 
 
 def lengths(structure: Structure, nodes):

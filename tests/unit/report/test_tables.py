@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -11,12 +12,14 @@ from tensegra.mechanics import solve_path
 from tensegra.report.analysis_tables import optimum_table, propagation_table, result_tables
 from tensegra.report.study_tables import reason_table, validation_table
 from tensegra.report.tables import (
+    MOST_ROWS,
     Table,
     aligned,
     displacement_table,
     event_table,
     history_frame,
     number,
+    reaction_table,
     stage_table,
     structure_table,
     tension_table,
@@ -97,9 +100,46 @@ def test_the_history_is_written_with_units(path, tmp_path):
     assert frame.attrs["units"] == {"length": "cm", "force": "kN", "temperature": "degC"}
 
 
-def test_a_history_goes_to_parquet_only(path, tmp_path):
-    with pytest.raises(ModelError, match=r"found 'path\.csv', expected a file named \.parquet"):
-        write_history(path, tmp_path / "path.csv")
+def test_the_history_as_csv_keeps_all_digits(path, tmp_path):
+    file = tmp_path / "path.CSV"
+    write_history(path, file)
+    frame, expected = pd.read_csv(file, dtype=str), history_frame(path)
+    assert list(frame) == list(expected)
+    assert [float(text) for text in frame["z_18"]] == expected["z_18"].tolist()
+
+
+@pytest.mark.parametrize("name", ["path.parquet", "path.csv"])
+def test_a_history_without_a_step_is_an_empty_table_of_all_columns(path, tmp_path, name):
+    write_history(replace(path, history=()), tmp_path / name)
+    read = pd.read_csv if name.endswith("csv") else pd.read_parquet
+    frame = read(tmp_path / name)
+    assert len(frame) == 0
+    assert list(frame) == list(history_frame(path))
+
+
+def test_reactions_are_listed_with_their_sum(path):
+    table = reaction_table(path.final)
+    rows = {row[0]: row[1:] for row in table.rows}
+    assert table.title.endswith("kN")
+    assert list(rows) == ["1", "4", "5", "8", "sum"]
+    total = np.array([rows[node] for node in "1458"], dtype=float).sum(axis=0)
+    shown = 2e-4  # four decimals, four terms
+    assert np.array(rows["sum"], dtype=float) == pytest.approx(total, abs=shown)
+    assert total == pytest.approx([0.0, 0.0, -path.final.forces[:, 2].sum()], abs=shown)
+
+
+def test_a_dash_stands_where_a_support_lets_go_and_few_of_many_supports_are_shown():
+    net = solve_path(library.grid(10, 10)).final
+    table = reaction_table(net)
+    assert len(table.rows) == MOST_ROWS + 1
+    assert "24 of" in table.note
+    chain = solve_path(library.prism()).final
+    assert any("–" in row for row in reaction_table(chain).rows)
+
+
+def test_a_history_goes_to_known_kinds_of_file_only(path, tmp_path):
+    with pytest.raises(ModelError, match=r"found 'path\.xls', expected a file named \.parquet or \.csv"):
+        write_history(path, tmp_path / "path.xls")
     with pytest.raises(ModelError, match="cannot be written"):
         write_history(path, tmp_path / "nowhere" / "path.parquet")
 

@@ -300,6 +300,14 @@ REFUSALS = {
             "which 'top' sets too"
         ),
     ),
+    "the same temperature of one member twice": (
+        "{top: 20 K}",
+        "{K1: 20, top: 20}",
+        (
+            "stages[1].temperatures.top: found 20.0, expected one temperature of member 'K1', "
+            "which 'K1' sets too"
+        ),
+    ),
     "position of a free node": (
         "{2: [100, 1, 0]}",
         "{9: [0, 0, 0]}",

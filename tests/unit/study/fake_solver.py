@@ -9,7 +9,10 @@ import time
 import numpy as np
 
 from tensegra.mechanics import Batch
+from tensegra.mechanics.arrays import structure_arrays
 from tensegra.mechanics.inputs import Actuation
+from tensegra.mechanics.settings import PathSettings
+from tensegra.mechanics.stages import ground_of
 from tensegra.mechanics.variants import Variants
 
 FAILS_ABOVE = 0.098
@@ -39,11 +42,13 @@ def solve(structure, **inputs):
         lowest_eigenvalue=np.where(failed, np.nan, 0.02),
         steps=np.full(n, 4),
         iterations=np.full(n, 12),
+        parameter=np.ones(n),
         seconds=np.full(n, 1e-3),
         nodes_by=np.zeros((n, 0, structure.n_nodes, 3)),
         tensions_by=np.zeros((n, 0, structure.n_members)),
         inputs=Actuation({}, {}, {}, {}),
         variants=Variants({}, {}, {}),
+        ground=ground_of(structure_arrays(structure), PathSettings()),
     )
 
 

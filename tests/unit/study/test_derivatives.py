@@ -17,8 +17,12 @@ OUTPUTS = {
     "z": {"coordinate": "z", "nodes": [18, 23]},
     "gap": {"distance": True, "nodes": [3, 18]},
     "T": {"tension": "K1"},
+    "R": {"reaction": "z", "nodes": [1, 4]},
     "least": {"min_tension": "all"},
 }
+N_DIFFERENTIABLE = 5
+"""All outputs but the last, which has kinks."""
+
 VARIABLES = {
     "actuator": ({"actuator": "A14"}, [0.02, 0.06]),
     "group": ({"temperature": "top"}, [0, 100]),
@@ -64,11 +68,22 @@ def test_derivatives_are_those_of_the_outputs(content, names):
     runs = study.evaluate(X, derivatives=True)
     assert set(runs.status) == {"stable"}
     expected = central_differences(study, X)
-    for i in range(4):
+    for i in range(N_DIFFERENTIABLE):
         scale = np.abs(expected[:, i]).max(axis=0)
         assert (scale > 0).all()
         assert_allclose(runs.dY[:, i] / scale, expected[:, i] / scale, atol=DIFFERENCE_ERROR)
-    assert np.isnan(runs.dY[:, 4]).all()
+    assert np.isnan(runs.dY[:, N_DIFFERENTIABLE]).all()
+
+
+def test_a_load_on_a_support_goes_into_its_reaction_alone(content):
+    content["variables"] = {
+        "p": {"load": {"node": 4, "axis": "z"}, "distribution": {"uniform": [-1, 1]}},
+        "a": {"actuator": "A23", "distribution": {"uniform": [0, 0.1]}},
+    }
+    content["outputs"] = OUTPUTS
+    runs = parse_study(content).evaluate([[0.3, 0.05], [-0.3, 0.05]], derivatives=True)
+    assert_allclose(runs.dY[:, :N_DIFFERENTIABLE, 0], [[0, 0, 0, 0, -1]] * 2, atol=DIFFERENCE_ERROR)
+    assert_allclose(runs.Y[0, 4] - runs.Y[1, 4], -0.6, rtol=DIFFERENCE_ERROR)
 
 
 def test_a_rest_length_with_a_prestress_upon_it(content):
@@ -83,8 +98,8 @@ def test_a_rest_length_with_a_prestress_upon_it(content):
     content["outputs"] = OUTPUTS
     study = parse_study(content)
     X = np.array([[300.4, 0.05, -0.024], [299.7, 0.02, -0.028]])
-    expected = central_differences(study, X)[:, :4]
-    assert_allclose(study.evaluate(X, derivatives=True).dY[:, :4], expected, rtol=1e-4)
+    expected = central_differences(study, X)[:, :N_DIFFERENTIABLE]
+    assert_allclose(study.evaluate(X, derivatives=True).dY[:, :N_DIFFERENTIABLE], expected, rtol=1e-4)
 
 
 def test_which_runs_go_together_makes_no_difference(content):
@@ -102,7 +117,7 @@ def test_names_of_columns(content):
     study = study_of(content, ["actuator", "load"])
     assert study.derivative_names == (
         "dw/dactuator", "dw/dload", "dz/dactuator", "dz/dload",
-        "dgap/dactuator", "dgap/dload", "dT/dactuator", "dT/dload",
+        "dgap/dactuator", "dgap/dload", "dT/dactuator", "dT/dload", "dR/dactuator", "dR/dload",
     )  # fmt: skip
     content["derivatives"] = False
     assert study_of(content, ["actuator"]).derivative_names == ()

@@ -1,10 +1,14 @@
 """Bad input: one line that says place, found, expected and the nearest known name."""
 
 import pytest
+from numpy.testing import assert_allclose
 from study_contents import set_at
 
 from tensegra.errors import StudyError
 from tensegra.study import parse_study
+
+ROUNDING = 1e-9
+"""Relative: the solver's tolerance, by which two ways of writing one area may differ."""
 
 
 @pytest.mark.parametrize(
@@ -87,7 +91,7 @@ from tensegra.study import parse_study
         (
             "variables.B",
             {"actuator": "A14", "distribution": {"uniform": [0, 0.1]}},
-            "acts on the actuator 'A14', as 'A14'",
+            "variables.B: found 'A14', expected one actuator of 'A14', which 'A14' sets too",
         ),
         (
             "variables.1a",
@@ -178,3 +182,67 @@ def test_bad_input_is_refused_with_one_message(content, path, value, message):
     assert message in text
     assert text.startswith("study: ")
     assert "\n" not in text
+
+
+@pytest.mark.parametrize(
+    ("nodes", "message"),
+    [
+        ([1, 18], r"R.nodes\[1\]: found '18', expected a node held along z"),
+        ([1, 1], r"R.nodes\[1\]: found '1', expected each node once"),
+        ([99], r"R.nodes\[0\]: found '99', expected a node"),
+        (None, r"R.nodes: the key is missing"),
+    ],
+)
+def test_a_reaction_that_there_is_not_is_refused(content, nodes, message):
+    content["outputs"]["R"] = {"reaction": "z"} | ({"nodes": nodes} if nodes else {})
+    with pytest.raises(StudyError, match=message):
+        parse_study(content)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "shared"),
+    [
+        ({"temperature": "top"}, {"temperature": "top"}, "one temperature of 'top'"),
+        ({"area": "K1"}, {"area": "clustered"}, "one area of member 'K1'"),
+        ({"youngs_modulus": "steel"}, {"youngs_modulus": "steel"}, "one youngs_modulus of 'steel'"),
+        ({"rest_length": "K1"}, {"rest_length": "K1"}, "one rest_length of 'K1'"),
+        (
+            {"load": {"node": 18, "axis": "z"}},
+            {"load": {"node": "18", "axis": "z"}},
+            "one load of node 18 along z",
+        ),
+        (
+            {"prestress": {"stage": "prestress", "members": ["K1", "K4"]}},
+            {"prestress": {"stage": "prestress", "members": ["K4"]}},
+            "one prestress of member 'K4' in stage 'prestress'",
+        ),
+    ],
+)
+def test_two_variables_that_change_one_thing_are_refused_with_both_names(content, first, second, shared):
+    quantity = next(iter(first))
+    low = {"prestress": -0.03, "area": 0.4, "youngs_modulus": 1e4, "rest_length": 299}.get(quantity, 1.0)
+    law = {"distribution": {"uniform": [low, low + 0.01]}}
+    content["variables"] = {"one": {**first, **law}, "two": {**second, **law}}
+    with pytest.raises(
+        StudyError, match=rf"variables\.two: found .* expected {shared}, which 'one' sets too"
+    ):
+        parse_study(content)
+
+
+def test_a_prestress_that_names_a_member_twice_is_refused(content):
+    content["variables"]["p"] = {
+        "prestress": {"stage": "prestress", "members": ["K1", "K1"]},
+        "distribution": {"uniform": [-0.03, -0.02]},
+    }
+    with pytest.raises(StudyError, match="one prestress of member 'K1' in stage 'prestress', which 'p'"):
+        parse_study(content)
+
+
+def test_a_variable_takes_the_place_of_what_changes_say(content):
+    content["variables"] = {"a": {"area": "clustered", "distribution": {"uniform": [0.4, 0.6]}}}
+    plain = parse_study(content)
+    content["changes"] = {"members": {"K1": {"area": 0.9}}}
+    changed = parse_study(content)
+    # One quantity, set last by the variable: the same run, to what a relative factor rounds.
+    expected = plain.evaluate([[0.5]]).Y
+    assert_allclose(changed.evaluate([[0.5]]).Y, expected, rtol=ROUNDING, atol=ROUNDING)

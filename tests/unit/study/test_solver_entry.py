@@ -21,7 +21,7 @@ def test_the_study_file_sets_the_solver_and_its_fingerprint(content):
     assert study.fingerprint != plain.fingerprint
     resolved = study.to_mapping()
     assert resolved["solver"]["policy"] == "stop"
-    assert resolved["solver"]["first_step"] == 0.25
+    assert resolved["solver"]["first_step"] == 0.5
     assert parse_study(resolved).fingerprint == study.fingerprint
     content["solver"] = {}
     assert parse_study(content).fingerprint == plain.fingerprint

@@ -116,7 +116,7 @@ def test_what_the_runs_depend_on_is_solved_again_when_it_changes(tmp_path, solve
     setting.runs("one", setting.structure, INPUTS)
     changed = {
         "inputs": lambda: setting.runs("one", setting.structure, INPUTS | {"A14": ACTUATION + 1e-9}),
-        "settings": lambda: setting.runs("one", setting.structure, INPUTS, PathSettings(first_step=0.5)),
+        "settings": lambda: setting.runs("one", setting.structure, INPUTS, PathSettings(first_step=0.4)),
         "structure": lambda: setting.runs("one", setting.without_gravity, INPUTS),
     }
     changed[what]()

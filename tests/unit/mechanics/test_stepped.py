@@ -1,10 +1,14 @@
-"""The plain procedure in lockstep is the plain procedure alone, bit for bit, wherever a run ends."""
+"""The plain procedure: many runs are the runs alone, bit for bit, wherever a run ends; and its words."""
+
+import re
 
 import numpy as np
 import pytest
 
 from tensegra.mechanics import PathSettings, Status, solve_batch, solve_path
-from tensegra.mechanics.lockstep_solver import LockstepSolver
+from tensegra.mechanics.arrays import structure_arrays
+from tensegra.mechanics.inputs import StageInputs
+from tensegra.mechanics.stepped import farthest_coordinate, n_increments
 from tensegra.structure import apply_changes, library
 
 EIGENVALUE = 1e-6
@@ -32,7 +36,10 @@ def random_runs(beam, group, n_runs, seed):
 def assert_the_run_is(batch, run, path, atol=0.0):
     final = path.final
     assert batch.status[run] == path.status
-    assert batch.reason[run] == path.reason
+    # A single run names its mechanisms too; of many they are told when asked for.
+    named = re.sub(r"; \d+ free mechanisms?, .*", "", path.reason)
+    assert batch.reason[run] == named
+    assert (named != path.reason) == bool(batch.mechanisms(run))
     assert (batch.steps[run], batch.iterations[run]) == (final.steps, final.iterations)
     # Newton's method far from an equilibrium is chaotic: equal ends need equal roundings.
     np.testing.assert_allclose(batch.nodes[run], final.nodes, rtol=0, atol=atol)
@@ -42,20 +49,9 @@ def assert_the_run_is(batch, run, path, atol=0.0):
     np.testing.assert_allclose(batch.lowest_eigenvalue[run], final.lowest_eigenvalue, rtol=EIGENVALUE)
 
 
-@pytest.fixture
-def in_lockstep(monkeypatch):
-    """Refuse to follow any run alone."""
-
-    def refused(*_):
-        raise AssertionError("a run was followed alone")
-
-    monkeypatch.setattr("tensegra.mechanics.block.actuate", refused)
-
-
-@pytest.mark.usefixtures("in_lockstep")
 @pytest.mark.parametrize("group", GROUPS)
 @pytest.mark.parametrize("beam", BEAMS)
-def test_a_run_in_lockstep_is_the_run_alone(beam, group):
+def test_a_run_among_others_is_the_run_alone(beam, group):
     structure, actuation = random_runs(beam, group, n_runs=24, seed=3)
     batch = solve_batch(structure, actuation=actuation, settings=STEPPED)
     for run in range(batch.n_runs):
@@ -63,7 +59,6 @@ def test_a_run_in_lockstep_is_the_run_alone(beam, group):
         assert_the_run_is(batch, run, solve_path(structure, inputs, settings=STEPPED))
 
 
-@pytest.mark.usefixtures("in_lockstep")
 def test_every_way_to_end_is_told_as_alone():
     structure, actuation = random_runs("printed", "without gravity", n_runs=200, seed=5)
     batch = solve_batch(structure, actuation=actuation, settings=STEPPED)
@@ -74,11 +69,9 @@ def test_every_way_to_end_is_told_as_alone():
         assert_the_run_is(batch, runs[0], solve_path(structure, inputs, settings=STEPPED))
 
 
-@pytest.mark.usefixtures("in_lockstep")
 def test_prestress_lost_on_the_way_is_told_as_alone(monkeypatch):
     # With the usual threshold Newton's method is almost always done before: a coarse one is met.
-    for module in ("stepped", "lockstep_solver"):
-        monkeypatch.setattr(f"tensegra.mechanics.{module}.FLAT_TENSION", 0.5)
+    monkeypatch.setattr("tensegra.mechanics.supervise.FLAT_TENSION", 0.5)
     beam = library.paper_beam().replace(gravity=(0.0, 0.0, 0.0))
     values = np.array([-0.02, -0.05, -0.10])
     batch = solve_batch(beam, actuation={"A14": values, "A23": -values}, settings=STEPPED)
@@ -87,8 +80,7 @@ def test_prestress_lost_on_the_way_is_told_as_alone(monkeypatch):
         assert_the_run_is(batch, run, solve_path(beam, {"A14": value, "A23": -value}, settings=STEPPED))
 
 
-@pytest.mark.usefixtures("in_lockstep")
-def test_varied_structures_loads_and_supports_go_in_lockstep_too():
+def test_varied_structures_loads_and_supports_are_stepped_together_too():
     beam = library.paper_beam()
     rng = np.random.default_rng(0)
     n = 6
@@ -141,10 +133,24 @@ def test_derivatives_are_those_of_the_run_alone():
             np.testing.assert_allclose(found.nodes[run], expected.nodes, rtol=0, atol=DERIVATIVE * largest)
 
 
-def test_what_lockstep_does_not_serve_is_stepped_alone(monkeypatch):
-    structure, actuation = random_runs("printed", "with gravity", n_runs=3, seed=4)
-    expected = solve_batch(structure, actuation=actuation, settings=STEPPED)
-    monkeypatch.setattr(LockstepSolver, "serves", property(lambda _self: False))
-    alone = solve_batch(structure, actuation=actuation, settings=STEPPED)
-    for column in COLUMNS:
-        np.testing.assert_array_equal(getattr(alone, column), getattr(expected, column), err_msg=column)
+def test_steps_of_the_stepped_procedure_tell_their_own_iterations():
+    path = solve_path(library.paper_beam(), {"A14": 0.05, "A23": 0.05}, path="stepped")
+    steps = [point for point in path.history if point.stage == "actuation"]
+    assert len(steps) == path.final.steps == 5
+    assert sum(point.iterations for point in steps) == path.final.iterations
+    np.testing.assert_allclose([point.parameter for point in steps], np.arange(1, 6) / 5, rtol=1e-15)
+
+
+def test_increments_are_counted_by_the_rest_length_that_changes_most():
+    rest_length = np.array(
+        [[[2.0, 0.0], [1.0, 0.05]], [[2.0, -0.0601], [1.0, 0.03]], [[2.0, 0.0], [1.0, 0.0]]]
+    )
+    nowhere = np.zeros((2, 3))
+    stage = StageInputs(rest_length, nowhere, nowhere, nowhere, nowhere)
+    np.testing.assert_array_equal(n_increments(stage, 0.01), [5, 4, 1])
+    np.testing.assert_array_equal(n_increments(stage, 0.05), [1, 1, 1])
+
+
+def test_a_run_is_given_up_where_it_has_left_the_structure():
+    arrays = structure_arrays(library.paper_beam())
+    assert farthest_coordinate(arrays) > 10.0 * np.abs(arrays.coordinates).max()

@@ -1,0 +1,132 @@
+"""A structure under one's hand: solved once, then moved from where it stands, certified at every move."""
+
+from collections.abc import Mapping
+from typing import Any
+
+
+from tensegra.mechanics.arrays import FloatArray
+from tensegra.mechanics.derivatives import Given
+from tensegra.mechanics.inputs import Actuation, actuation_inputs, stage_inputs
+from tensegra.mechanics.path import ACTUATION, Prepared, equilibrium_of, missing_start, prepare, softest_modes
+from tensegra.mechanics.results import Equilibrium, EquilibriumPath
+from tensegra.mechanics.settings import PathSettings
+from tensegra.mechanics.stages import Leg, follow_leg, reference_tensions
+from tensegra.mechanics.supervise import StageEnd
+from tensegra.structure import Structure
+
+
+class Session:
+    """A structure that stands somewhere and is moved on from there.
+
+    A move goes along the straight way from the inputs where the structure stands to the new ones, so it ends
+    where the history leads, not where the same inputs would lead from the beginning: that is what a motor
+    does too. A move that fails leaves the structure where it was.
+
+    Parameters
+    ----------
+    structure
+        The structure; its stages are solved at once.
+    settings
+        How paths are followed.
+
+    Raises
+    ------
+    SolverError
+        Where the stages do not end in a stable equilibrium.
+
+    Examples
+    --------
+    >>> from tensegra.structure import library
+    >>> session = Session(library.paper_beam())
+    >>> moved = session.move({"A14": 0.05})
+    >>> str(moved.status), moved.status == session.equilibrium.status
+    ('stable', True)
+    """
+
+    def __init__(self, structure: Structure, settings: PathSettings | None = None) -> None:
+        self._prepared: Prepared = prepare(structure, settings=settings)
+        self._prepared.equilibria[-1].raise_for_status()
+        self._modes: FloatArray = softest_modes(self._prepared)
+        self.reset()
+
+    @property
+    def structure(self) -> Structure:
+        """The structure."""
+        return self._prepared.structure
+
+    @property
+    def equilibrium(self) -> Equilibrium:
+        """Where the structure stands."""
+        return equilibrium_of(self.structure, self._prepared.ground, self._end)
+
+    def reset(self) -> None:
+        """Go back to where the stages end."""
+        self._end: StageEnd = self._prepared.ends[-1]
+        self._inputs = self._prepared.inputs
+        self._run = Actuation({}, {}, {}, {})
+
+    def move(
+        self,
+        actuation: Mapping[str, float] | None = None,
+        temperature: Mapping[str, float] | None = None,
+        *,
+        loads: Mapping[tuple[str, str], float] | None = None,
+        positions: Mapping[tuple[str, str], float] | None = None,
+    ) -> Equilibrium:
+        """Move to new inputs; what is not named stays as it is.
+
+        Parameters
+        ----------
+        actuation, temperature, loads, positions
+            As in `solve_path`: values after the stages, not changes since the last move.
+
+        Returns
+        -------
+        Equilibrium
+            Where the structure stands, or why it could not be moved (the session stays where it was).
+
+        Raises
+        ------
+        ModelError
+            For an input that names nothing in the structure or cannot be.
+        """
+        given: tuple[Mapping[Any, float], ...] = (
+            actuation or {},
+            temperature or {},
+            loads or {},
+            positions or {},
+        )
+        run = Actuation(
+            *({**dict(old), **dict(new)} for old, new in zip(self._run.groups(), given, strict=True))
+        )
+        prepared, arrays = self._prepared, self._prepared.arrays
+        _, inputs = actuation_inputs(prepared.structure, arrays, prepared.inputs, run)
+        way = stage_inputs(arrays, self._inputs, inputs)
+        leg = Leg(
+            ACTUATION,
+            way,
+            arrays.stiffness,
+            self._end.nodes,
+            reference_tensions([prepared.ends[-1].tensions, self._end.tensions], arrays.stiffness),
+            modes=self._modes,
+        )
+        end = follow_leg(prepared.ground, leg)
+        found = equilibrium_of(prepared.structure, prepared.ground, end)
+        if missing_start(end, 0) is None:
+            self._end, self._inputs, self._run = end, inputs, run
+        return found
+
+    def path(self) -> EquilibriumPath:
+        """Return where the structure stands as a path, with its derivatives, displacements and plot."""
+        prepared, arrays = self._prepared, self._prepared.arrays
+        load = self._end.load
+        ground = prepared.ground
+        return EquilibriumPath(
+            structure=prepared.structure,
+            stages=prepared.equilibria,
+            actuation=self.equilibrium if self._run.acts else None,
+            given=Given(prepared.structure, arrays, self._inputs, self._run),
+            load=load,
+            freedom=ground.freedom(load.force),
+            critical_points=tuple(self._end.critical_points[0]),
+        )

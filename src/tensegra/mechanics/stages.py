@@ -1,0 +1,247 @@
+"""A loading history of one run or of many: the stages in order, then what acts after them.
+
+For each stage it is found out which rigid motions nothing holds and no load turns, the solver holds
+coordinates for these, and the supervisor takes the runs through.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tensegra.mechanics.arrays import FloatArray, IndexArray, StructureArrays
+from tensegra.mechanics.derivatives import Direction
+from tensegra.mechanics.descend import ZERO_EIGENVALUE
+from tensegra.mechanics.follow import UNSTABLE_START
+from tensegra.mechanics.inputs import StageInputs
+from tensegra.mechanics.pattern import Pattern, build_pattern
+from tensegra.mechanics.reactions import internal_forces
+from tensegra.mechanics.rigid import Freedom, RigidMotions, align, freedom_under, in_frame, rigid_motions
+from tensegra.mechanics.settings import PathSettings
+from tensegra.mechanics.solver import Solver
+from tensegra.mechanics.supervise import FLAT_TENSION, StageEnd, Supervisor
+
+NEAR_EQUILIBRIUM = 1e-2
+"""A start within this share of the structure's size of an equilibrium is taken to mean it."""
+
+UNLOADED_AT = 1.0 - 1e-6
+"""λ from which on a motion that loads turn is held at the end of a stage that takes these loads away."""
+
+
+@dataclass(eq=False)
+class Ground:
+    """What all histories of a structure share.
+
+    Attributes
+    ----------
+    arrays
+        The structure, flattened, with its own supports.
+    settings
+        How paths are followed.
+    motions
+        Rigid motions that the supports leave.
+    pattern
+        Of the structure with its own supports.
+    plain_arrays
+        The structure as it is given, where `arrays` vary it run by run.
+    threads
+        Threads to share many runs.
+    """
+
+    arrays: StructureArrays
+    settings: PathSettings
+    motions: RigidMotions
+    pattern: Pattern
+    plain_arrays: StructureArrays
+    threads: int = 1
+    _solvers: dict[bytes, Solver] = field(default_factory=dict)
+
+    def solver(self, freedom: Freedom, nodes: FloatArray) -> Solver:
+        """Return a solver that holds coordinates for the neutral motions, chosen at some positions."""
+        if not len(freedom.neutral):
+            if b"" not in self._solvers:
+                self._solvers[b""] = Solver(
+                    self.plain_arrays, self.settings, self.threads, pattern=self.pattern
+                )
+            return self._solvers[b""]
+        return Solver(self.plain_arrays, self.settings, self.threads, freedom.neutral, nodes)
+
+    def freedom(self, loads: FloatArray) -> Freedom:
+        """Return what loads ``(…, n_nodes, 3)`` make of the rigid motions."""
+        return freedom_under(self.plain_arrays, self.motions, loads)
+
+
+def ground_of(arrays: StructureArrays, settings: PathSettings, threads: int = 1) -> Ground:
+    """Find what all histories of a structure share."""
+    return Ground(arrays, settings, rigid_motions(arrays), build_pattern(arrays), arrays, threads)
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """One part of a history, of one run or of many.
+
+    Attributes
+    ----------
+    name
+        Of the stage.
+    stage
+        Its inputs, with or without a leading axis of runs.
+    stiffness
+        EA, with or without one.
+    start
+        Positions at λ = 0, ``(n_runs | 1, n_nodes, 3)``.
+    reference
+        What counts as a tension of the structure, ``(n_runs | 1,)``.
+    n_runs
+        Number of runs.
+    recorded
+        Whether points and events on the way are wanted, for a single run.
+    modes
+        Guess of the softest modes at its end, ``(3, n_nodes, 3)``.
+    directions
+        What to differentiate its end by.
+    """
+
+    name: str
+    stage: StageInputs
+    stiffness: FloatArray
+    start: FloatArray
+    reference: FloatArray
+    n_runs: int = 1
+    recorded: bool = False
+    modes: FloatArray | None = None
+    directions: Sequence[Direction] = ()
+
+    def supervisor(self, solver: Solver, stage: StageInputs | None = None) -> Supervisor:
+        """Return who takes the runs through the leg, or through a part of it."""
+        chosen = self.stage if stage is None else stage
+        return Supervisor(
+            solver, self.name, chosen, self.stiffness, self.start, self.reference, self.n_runs, recorded=self.recorded
+        )  # fmt: skip
+
+
+def follow_leg(ground: Ground, leg: Leg) -> StageEnd:
+    """Take all runs of a leg from their equilibria at λ = 0 to its end."""
+    freedom, ends = _freedom(ground, leg)
+    if freedom.unheld or ends.unheld:
+        return _without_equilibrium(ground, leg, ends.unheld or freedom.unheld)
+    solver = ground.solver(freedom, leg.start[0])
+    if len(ends.neutral) > len(freedom.neutral) and ground.settings.path == "adaptive":
+        first = leg.supervisor(solver, leg.stage.between(0.0, UNLOADED_AT))
+        first.follow()
+        nodes = first.outcome.nodes.reshape(leg.n_runs, -1, 3)
+        solver = ground.solver(ends, nodes[0])
+        supervisor = replace(leg, start=nodes).supervisor(solver, leg.stage.between(UNLOADED_AT, 1.0))
+        supervisor.go_on_from(first)
+    else:
+        supervisor = leg.supervisor(solver)
+        _go(supervisor)
+    return _aligned(supervisor.certified(leg.modes, leg.directions), leg.start, solver)
+
+
+def first_leg(ground: Ground, leg: Leg, *, settle: bool) -> StageEnd:
+    """Find the equilibria at the end of the first stage, from coordinates that are only nearly in balance.
+
+    The given coordinates are an equilibrium under the force that balances them; along the first stage
+    this force fades while the inputs come in, so that the first equilibrium is reached along a path
+    like any other. Where the given coordinates do not stand (no prestress yet, or a negative
+    eigenvalue) there is no path to follow, and Newton's method or a fall finds the equilibrium.
+
+    Parameters
+    ----------
+    ground, leg
+        The structure, and its first stage from the given coordinates without loads to its inputs.
+    settle
+        Let an unstable start fall instead of reporting it as it is.
+    """
+    ends = ground.freedom(leg.stage.loads_end)
+    if ends.unheld:
+        return _without_equilibrium(ground, leg, ends.unheld)
+    solver = ground.solver(ends, leg.start[0])
+    start = leg.supervisor(solver)
+    certificate, _ = solver.certify(start.runs, start.outcome, None)
+    tensions = start.outcome.tensions
+    leg = replace(leg, reference=reference_tensions([tensions], leg.stiffness))
+    if ground.settings.path == "stepped":
+        supervisor = leg.supervisor(solver)
+        _go(supervisor)
+        return _aligned(supervisor.certified(leg.modes, leg.directions), leg.start, solver)
+    stands = certificate.n_negative == 0
+    force = internal_forces(ground.arrays, leg.start, tensions)
+    supervisor = leg.supervisor(solver, leg.stage.balanced_by(force))
+    if not settle:
+        _stay_unstable(solver, leg, np.flatnonzero(~stands), supervisor)
+    supervisor.fall_into_place(~stands)
+    supervisor.follow()
+    return _aligned(supervisor.certified(leg.modes, leg.directions), leg.start, solver)
+
+
+def _go(supervisor: Supervisor) -> None:
+    if supervisor.settings.path == "stepped":
+        supervisor.step()
+    else:
+        supervisor.follow()
+
+
+def _freedom(ground: Ground, leg: Leg) -> tuple[Freedom, Freedom]:
+    """Return what the loads of a leg, and those at its end alone, make of the rigid motions."""
+    if not len(ground.motions):
+        free = Freedom(ground.motions, ())
+        return free, free
+    shape = (-1, *leg.start.shape[-2:])
+    at_start, at_end = leg.stage.loads_start.reshape(shape), leg.stage.loads_end.reshape(shape)
+    return ground.freedom(np.concatenate([at_start, at_end])), ground.freedom(at_end)
+
+
+def _stay_unstable(solver: Solver, leg: Leg, candidates: IndexArray, supervisor: Supervisor) -> None:
+    """Leave runs at unstable equilibria that are near the given coordinates, where there are any."""
+    if not len(candidates):
+        return
+    near = leg.supervisor(solver)
+    near.outcome.parameter[:] = 1.0
+    part = near.outcome.take(candidates)
+    solver.follow(near.runs.take(candidates), part)
+    away = np.abs(part.nodes.reshape(len(candidates), -1, 3) - leg.start).max(axis=(1, 2), initial=0.0)
+    for row, run in enumerate(candidates.tolist()):
+        if part.end[row] != UNSTABLE_START or away[row] > NEAR_EQUILIBRIUM * solver.arrays.size:
+            continue
+        tangent = near.measured(run, part.nodes[row], 1.0)
+        lowest = tangent.lowest_eigenvalue()
+        if lowest < -ZERO_EIGENVALUE * tangent.stiffness_scale:
+            negative = f"{tangent.factorise()} negative eigenvalue(s), lowest {lowest:.4g}"
+            reason = f"the start is an equilibrium that does not stand: {negative}"
+            supervisor.stay(run, part.nodes[row], int(part.iterations[row]), reason)
+
+
+def _without_equilibrium(ground: Ground, leg: Leg, unheld: tuple[str, ...]) -> StageEnd:
+    """Return the end of runs that a net force pulls away."""
+    supervisor = leg.supervisor(ground.solver(ground.freedom(np.zeros(leg.start.shape[-2:])), leg.start[0]))
+    along = ", ".join(unheld)
+    supervisor.fail_all(
+        f"no equilibrium: nothing holds the structure against the net force along its {along}"
+    )
+    return supervisor.certified()
+
+
+def _aligned(end: StageEnd, start: FloatArray, solver: Solver) -> StageEnd:
+    """Move ends, histories and derivatives along the neutral motions to where the start is nearest."""
+    motions = solver.motions
+    if motions is None or not len(motions):
+        return end
+    found = np.isfinite(end.nodes).all(axis=(1, 2))
+    start = np.broadcast_to(start, end.nodes.shape)
+    end.nodes[found] = align(end.nodes[found], start[found], motions)
+    end.history = [replace(point, nodes=align(point.nodes, start[0], motions)) for point in end.history]
+    end.nodes_by[found] = in_frame(end.nodes_by[found], end.nodes[found], start[found], motions)
+    end.free_motions = motions.names
+    return end
+
+
+def reference_tensions(tensions: Sequence[FloatArray], stiffness: FloatArray) -> FloatArray:
+    """Return what counts as a tension of the structures, the largest they have had, ``(n_runs | 1,)``.
+
+    It is never nothing: a share of the stiffness stands for it.
+    """
+    least = FLAT_TENSION * stiffness.max(axis=-1, initial=1.0)
+    largest = [np.abs(np.nan_to_num(one)).max(axis=-1, initial=0.0) for one in tensions]
+    return np.atleast_1d(np.maximum.reduce(np.broadcast_arrays(*largest, least)))
