@@ -6,13 +6,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tensegra.errors import ModelError, nearest
+from tensegra.errors import ModelError
+from tensegra.structure.load import LOADERS, load_values
 from tensegra.structure.mapping import SCHEMA, structure_to_mapping
 from tensegra.structure.parts import Actuator, Material, Member, Stage
 from tensegra.structure.plain import plain, value_at
 from tensegra.structure.problems import NOTHING, InvalidStructureError, Place, Problem
 from tensegra.structure.structure import Structure, path_length
-from tensegra.structure.text import TextError, dump_json, dump_yaml, load_json, load_yaml
+from tensegra.structure.text import dump_json, dump_yaml
 from tensegra.units import Units
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["parse_structure", "read_structure", "write_structure"]
 
-_LOADERS = {".yaml": load_yaml, ".yml": load_yaml, ".json": load_json}
 _DUMPERS = {".yaml": dump_yaml, ".yml": dump_yaml, ".json": dump_json}
 
 
@@ -45,19 +45,7 @@ def read_structure(path: str | os.PathLike[str]) -> Structure:
     tensegra.errors.ModelError: beam.yml: no such file
     """
     path = Path(path)
-    load = _LOADERS.get(path.suffix.lower())
-    if load is None:
-        raise _unknown_suffix(path)
-    try:
-        raw = load(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise _missing_file(path) from None
-    except UnicodeDecodeError:
-        raise ModelError(f"{path.name}: this is not a text in UTF-8") from None
-    except OSError as error:
-        raise ModelError(f"{path}: {(error.strerror or str(error)).lower()}") from None
-    except TextError as error:
-        raise ModelError(f"{path.name}: {error}") from None
+    raw = load_values(path, ModelError)
     return build(raw, source=path.name, name=path.name.partition(".")[0], needs_schema=True)
 
 
@@ -205,10 +193,4 @@ def _as_written(problem: Problem, raw: object) -> Problem:
 
 
 def _unknown_suffix(path: Path) -> ModelError:
-    return ModelError.at(path.name, path.suffix, "a file named .yaml, .yml or .json", candidates=_LOADERS)
-
-
-def _missing_file(path: Path) -> ModelError:
-    siblings = [file.name for file in path.parent.iterdir()] if path.parent.is_dir() else []
-    match = nearest(path.name, siblings)
-    return ModelError(f"{path}: no such file" + (f"; did you mean {match!r}?" if match else ""))
+    return ModelError.at(path.name, path.suffix, "a file named .yaml, .yml or .json", candidates=LOADERS)

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from tensegra.errors import ModelError, StudyError
 from tensegra.structure import Structure, apply_changes, library, parse_structure, read_structure
 from tensegra.structure.frozen import FrozenMapping
+from tensegra.structure.load import load_values
 from tensegra.structure.plain import plain
 from tensegra.structure.problems import InvalidStructureError
-from tensegra.structure.text import TextError, load_json, load_yaml
 from tensegra.study.analyses import require_known_names
 from tensegra.study.derivatives import DIFFERENTIABLE
 from tensegra.study.distributions import with_plain_numbers
@@ -45,20 +45,7 @@ def read_study(path: str | PathLike[str]) -> Study:
         what was found, what was expected and the nearest known name.
     """
     path = Path(path)
-    loaders = {".yaml": load_yaml, ".yml": load_yaml, ".json": load_json}
-    load = loaders.get(path.suffix.lower())
-    if load is None:
-        raise StudyError.at(path.name, path.suffix, "a file named .yaml, .yml or .json", candidates=loaders)
-    try:
-        written = load(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise StudyError(f"{path}: no such file") from None
-    except UnicodeDecodeError:
-        raise StudyError(f"{path.name}: this is not a text in UTF-8") from None
-    except OSError as error:
-        raise StudyError(f"{path}: {(error.strerror or str(error)).lower()}") from None
-    except TextError as error:
-        raise StudyError(f"{path.name}, {error}") from None
+    written = load_values(path, StudyError)
     content = _plain_content(written, f"{path.name}:")
     if "schema" not in content:
         raise StudyError(f"{path.name}: the key 'schema' is missing, expected {SCHEMA!r}")
