@@ -21,7 +21,11 @@ from tensegra.errors import ModelError, nearest
 if TYPE_CHECKING:
     import pint
 
-__all__ = ["Dimension", "QuantityError", "Units", "as_float", "is_number"]
+__all__ = ["LARGEST", "SMALLEST", "Dimension", "QuantityError", "Units", "as_float", "is_number", "is_sane"]
+
+SMALLEST, LARGEST = 1e-100, 1e100
+"""Sizes between which a number that is not 0 has to lie, in any units: a stiffness multiplies and divides
+three of them, and is still a normal float. The smallest floats have lost their digits before they are used."""
 
 Dimension = Literal[
     "ratio",
@@ -211,6 +215,17 @@ def is_number(value: object) -> bool:
     """
     # The exact type first: asking the abstract class is slow, and nearly every number is a float.
     return type(value) is float or (isinstance(value, Real) and not isinstance(value, bool))
+
+
+def is_sane(value: float) -> bool:
+    """Tell whether a finite number is 0 or of a size that can be computed with.
+
+    Examples
+    --------
+    >>> is_sane(0.0), is_sane(-6e-17), is_sane(1e-320), is_sane(-1e308)
+    (True, True, False, False)
+    """
+    return value == 0.0 or SMALLEST <= abs(value) <= LARGEST
 
 
 def as_float(value: Any) -> float:  # noqa: ANN401 — any real number

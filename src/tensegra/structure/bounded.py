@@ -105,4 +105,6 @@ def _scalar(value: object, types: frozenset[type]) -> None:
         if not value.isascii() and any("\ud800" <= character <= "\udfff" for character in value):
             raise TextError(f"found {shown(value)}, expected a text of whole characters")
     elif type(value) not in types:
-        raise TextError(f"found a {type(value).__name__} {shown(value)}, expected a number, a text or a truth")
+        raise TextError(
+            f"found a {type(value).__name__} {shown(value)}, expected a number, a text or a truth"
+        )

@@ -5,7 +5,7 @@ from math import inf, isclose, isfinite
 from typing import TYPE_CHECKING
 
 from tensegra.structure.problems import NOTHING, Place, Problem
-from tensegra.units import is_number
+from tensegra.units import LARGEST, SMALLEST, is_number, is_sane
 
 if TYPE_CHECKING:
     from tensegra.structure.parts import Member, Stage
@@ -18,6 +18,9 @@ _SUPPORTS = ("x", "y", "z", "xy", "xz", "yz", "xyz")
 
 # A repeated coordinate may have gone through another unit on its way here.
 _SAME_COORDINATE = 1e-9
+
+LONGEST_FACTOR = 1e3
+"""By which a rest length can be multiplied: no material and no winch does, a slip of units does."""
 
 
 def find_problems(structure: "Structure") -> Iterator[Problem]:
@@ -176,6 +179,10 @@ def _stage_rest_lengths(structure: "Structure", place: Place, stage: "Stage") ->
     for member, change in stage.rest_length_changes.items():
         where = (*place, "rest_length_changes", member)
         yield from _number(where, change, above=-1.0, reason=": the member keeps no rest length otherwise")
+        if is_number(change) and LONGEST_FACTOR <= 1.0 + change < inf:
+            yield Problem(
+                where, change, f"a number below {LONGEST_FACTOR - 1:g}, relative to the rest length"
+            )
         if member in stage.rest_lengths:
             yield Problem(where, change, "no change beside a new rest length of the same member in one stage")
     for member, rest_length in stage.rest_lengths.items():
@@ -201,8 +208,12 @@ def _stage_temperatures(structure: "Structure", place: Place, stage: "Stage") ->
                     where, difference, f"one temperature of member {member!r}, which {earlier!r} sets too"
                 )
             material = structure.materials.get(structure.members[member].material or "")
-            if material is not None and 1.0 + material.thermal_expansion * difference <= 0.0:
+            factor = 1.0 if material is None else 1.0 + material.thermal_expansion * difference
+            if factor <= 0.0:
                 yield Problem(where, difference, f"a temperature that leaves member {member!r} a rest length")
+            elif factor >= LONGEST_FACTOR:
+                expected = f"a temperature that lengthens member {member!r} less than {LONGEST_FACTOR:g}-fold"
+                yield Problem(where, difference, expected)
 
 
 def _stage_positions(structure: "Structure", place: Place, stage: "Stage") -> Iterator[Problem]:
@@ -276,6 +287,8 @@ def _number(
 ) -> Iterator[Problem]:
     if not is_number(value) or not isfinite(value):  # type: ignore[arg-type]
         yield Problem(place, value, "a finite number")
+    elif not is_sane(value):  # type: ignore[arg-type]
+        yield Problem(place, value, f"0, or a number from {SMALLEST:g} to {LARGEST:g} in size")
     elif value <= above:  # type: ignore[operator]
         yield Problem(place, value, f"a number greater than {above:g}{reason}")
     elif value < least:  # type: ignore[operator]

@@ -16,11 +16,12 @@ from tensegra.structure import (
     read_structure,
     write_structure,
 )
+from tensegra.units import LARGEST, SMALLEST, is_sane
 
 SUFFIXES = (".yaml", ".yml", ".json")
 
-positive = st.floats(1e-300, 1e300)
-factors = st.floats(-1e12, 1e12)
+positive = st.floats(SMALLEST, LARGEST)
+factors = st.floats(-1e12, 1e12).filter(is_sane)
 vectors = st.tuples(factors, factors, factors)
 # Texts that YAML could take for something else come up often enough to be found.
 awkward = st.sampled_from(
@@ -36,7 +37,11 @@ def structures(draw):
     positions = draw(st.lists(vectors, min_size=len(nodes), max_size=len(nodes), unique=True))
     materials = draw(
         st.dictionaries(
-            names, st.builds(Material, positive, st.floats(0, 1e9), st.floats(-1e-6, 1e-6)), min_size=1
+            names,
+            st.builds(
+                Material, positive, st.floats(0, 1e9).filter(is_sane), st.floats(-1e-6, 1e-6).filter(is_sane)
+            ),
+            min_size=1,
         )
     )
     paths = [*pairwise(nodes), tuple(nodes)]
@@ -61,7 +66,7 @@ def structures(draw):
         name=names,
         rest_lengths=member_numbers,
         loads=st.dictionaries(st.sampled_from(nodes), vectors, max_size=2),
-        temperatures=st.dictionaries(st.sampled_from(ids), st.floats(-100, 100), max_size=2),
+        temperatures=st.dictionaries(st.sampled_from(ids), st.floats(-100, 100).filter(is_sane), max_size=2),
         positions=st.just({nodes[0]: draw(vectors)}),
         gravity=st.none() | vectors,
     )
