@@ -25,7 +25,7 @@ __all__ = ["LARGEST", "SMALLEST", "Dimension", "QuantityError", "Units", "as_flo
 
 SMALLEST, LARGEST = 1e-100, 1e100
 """Sizes between which a number that is not 0 has to lie, in any units: a stiffness multiplies and divides
-three of them, and is still a normal float. The smallest floats have lost their digits before they are used."""
+three of them, and is still a normal float. The smallest floats have lost their digits before that."""
 
 Dimension = Literal[
     "ratio",
