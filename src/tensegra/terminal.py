@@ -1,6 +1,7 @@
 """The terminal: results on stdout, as tables for people or as JSON for programs."""
 
 import json
+import platform
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -133,7 +134,9 @@ def show_state(campaign: "Campaign", *, as_json: bool = False) -> None:
         f"{state.n_done} of {state.n_points} runs done, {state.n_failed} failed, {state.n_pending} pending."
     )
     if state.driver is not None:
-        line += f" Process {state.driver} is running it"
+        # Whether a process of another machine still lives is not to be seen from here.
+        where = "" if state.host == platform.node() else f" on {state.host} (unless it died there)"
+        line += f" Process {state.driver}{where} is running it"
         line += f", {state.rate:.3g} runs/s, {state.seconds_left:.0f} s left." if state.rate > 0 else "."
     _print_line(line)
 

@@ -13,7 +13,8 @@ __all__ = ["LIBRARY", "is_study_file", "parse_settings", "structure_from"]
 LIBRARY = "library:"
 """Beginning of a reference to a built-in structure."""
 
-_STUDY = re.compile(r"""^\s*\{?\s*["']?schema["']?\s*:\s*["']?tensegra/study/""", re.MULTILINE)
+_STUDY = re.compile(r"""(?:^|[{,])[ \t]*["']?schema["']?[ \t]*:[ \t]*["']?tensegra/study/""", re.MULTILINE)
+"""Blanks within a line only: what may run over empty lines is tried anew from each of them."""
 
 
 def structure_from(reference: str) -> Structure:

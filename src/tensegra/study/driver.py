@@ -57,13 +57,14 @@ def run_campaign(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StudyError(f"{folder}: cannot be created ({(error.strerror or str(error)).lower()})") from None
-    with lock_folder(folder):
+    with lock_folder(folder) as held:
         store = Store.prepare(folder, study)
         store.repair()
         campaign = Campaign(folder, study)
         X = design_points(study)
         rows = campaign.frame(["status"])
         done, failed = len(rows), int((rows["status"] == "failed").sum())
+        already = done
         report = progress or (lambda *_: None)
         report(done, len(X), failed)
         missing, repeats = _missing(X, rows.index.to_numpy())
@@ -79,6 +80,7 @@ def run_campaign(
             blocks.learn(len(solved.runs), solved.seconds)
             counts = repeats[solved.points]
             done, failed = done + int(counts.sum()), failed + int(counts[solved.runs.failed].sum())
+            held.tell(done - already)
             report(done, len(X), failed)
     return campaign
 

@@ -192,13 +192,6 @@ class Store:
         """Return the shards in order of their names."""
         return sorted(path for path in self.shards.glob("*.parquet") if not path.name.startswith("."))
 
-    def count_since(self, moment: float) -> int:
-        """Return the number of rows in shards written after a moment, in seconds since the epoch."""
-        import pyarrow.parquet as pq
-
-        recent = [path for path in self.paths() if path.stat().st_mtime >= moment]
-        return sum(int(pq.read_metadata(path).num_rows) for path in recent)
-
     def repair(self) -> list[Path]:
         """Remove what a killed driver was writing, and set aside shards that are not whole.
 

@@ -160,7 +160,7 @@ def test_arrays_that_do_not_fit_are_refused(tmp_path, kind):
             path.write_bytes(whole)
             rewritten(path, {name: as_entry(wrong)})
             surrogate = loaded(path)
-            # One that is not asked for an answer at the middle may pass; whatever answers has the right shape.
+            # One that the answer at the middle does not need may pass.
             assert surrogate is None or surrogate.predict([[0.5, 0.5]]).shape == (1, 2)
             assert surrogate is None or wrong.dtype.kind != "U"
             assert surrogate is None or np.isfinite(wrong).all()
