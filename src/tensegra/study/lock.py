@@ -87,7 +87,7 @@ def driver_of(folder: Path) -> Driver | None:
             driver = _read(file)
     except (OSError, ValueError):
         return None
-    if driver is None or not isinstance(driver.get("pid"), int) or isinstance(driver["pid"], bool):
+    if driver is None or type(driver.get("pid")) is not int or driver["pid"] <= 0:
         return None
     if driver.get("host") == platform.node() and not _is_alive(driver["pid"], driver.get("birth")):
         return None
@@ -96,7 +96,7 @@ def driver_of(folder: Path) -> Driver | None:
 
 def _is_alive(pid: int, birth: object) -> bool:
     """Tell whether a process of this machine exists, and is the one that was born then."""
-    return pid > 0 and _exists(pid) and (birth is None or birth == _birth(pid))
+    return _exists(pid) and (birth is None or birth == _birth(pid))
 
 
 def _birth(pid: int) -> str | None:
