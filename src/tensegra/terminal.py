@@ -41,6 +41,9 @@ __all__ = [
     "show_study_check",
 ]
 
+NARROWEST, USUAL_WIDTH = 20, 80
+"""Columns below which a terminal shows nothing that could be read, and those that are then assumed."""
+
 _STATUS_STYLES = {
     "stable": "green",
     "snapped": "yellow",
@@ -178,19 +181,27 @@ def show_benchmark(benchmark: "Benchmark", *, as_json: bool = False) -> None:
 
 
 def _print_json(content: dict[str, Any]) -> None:
-    json.dump(content, sys.stdout, indent=1, ensure_ascii=False, allow_nan=False)
+    # JSON has a way to write every letter in ASCII; a stream that cannot show one would lose it.
+    plain = not (sys.stdout.encoding or "ascii").lower().replace("-", "").startswith("utf")
+    json.dump(content, sys.stdout, indent=1, ensure_ascii=plain, allow_nan=False)
     sys.stdout.write("\n")
 
 
+def _console() -> Console:
+    """Return the console; one that claims to have no width is one that does not know it."""
+    console = Console()
+    return console if console.width >= NARROWEST else Console(width=USUAL_WIDTH)
+
+
 def _print_line(text: str = "") -> None:
-    Console().print(escape(text), soft_wrap=True, highlight=False)
+    _console().print(escape(text), soft_wrap=True, highlight=False)
 
 
 def _print_table(table: Table) -> None:
     """Print a table; an empty one is left out."""
     if not table.rows:
         return
-    console = Console()
+    console = _console()
     shown = RichTable(
         box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_header=any(table.header), show_edge=False
     )

@@ -133,9 +133,9 @@ def test_a_scheduler_that_dies_is_told(tmp_path):
             list(results)
 
 
-def test_a_worker_of_another_version_is_refused(cluster, monkeypatch):
-    monkeypatch.setattr("tensegra.study.cluster._version", lambda: "99.0")
-    with pytest.raises(StudyError, match=r"a worker has tensegra .* and the driver 99.0"):
+def test_a_worker_with_other_code_is_refused(cluster, monkeypatch):
+    monkeypatch.setattr("tensegra.study.cluster.digest_of_code", lambda: "0" * 64)
+    with pytest.raises(StudyError, match=r"worker tcp://.*has another code of tensegra than the driver"):
         list(Dask(scheduler=cluster.scheduler_address).map(math.factorial, [1]))
 
 

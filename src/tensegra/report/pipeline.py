@@ -15,6 +15,10 @@ from tensegra.report.results import ANALYSES, SURROGATES, Index, Results, key_of
 from tensegra.report.study_tables import title_of
 from tensegra.study import AnalysisEntry, Campaign, Study, SurrogateEntry, TrainingData, design_points
 from tensegra.study.analyses import TRUTH
+from tensegra.study.driver import require_folder
+from tensegra.study.executors import executor_for
+from tensegra.study.memory import campaign_bytes, require_room
+from tensegra.study.study import require_room_for
 
 if TYPE_CHECKING:
     from tensegra.surrogate import RegimeData, Surrogate
@@ -88,6 +92,9 @@ def carry_out(
         If the study cannot be carried out as it is written, or the folder belongs to another one.
     """
     require_sound(study)
+    # Refused before anything is done: an address that cannot be one, a folder of something else.
+    executor_for(workers, scheduler)
+    require_folder(Path(folder), study)
     began = time.perf_counter()
     # Compiled here once, and kept on the disk: each worker would do it for itself.
     listener("kernels", 0, 1, "compiled once, which may take half a minute")
@@ -127,13 +134,32 @@ def require_sound(study: Study) -> None:
             check_options(surrogate.kind, surrogate.options)
         except StudyError as error:
             raise StudyError(f"surrogates.{name}: {error}") from None
+    require_room_for(study)
     names = (*study.input_names, *study.output_names)
     for i, entry in enumerate(study.analyses):
         place = f"analyses[{i}].{entry.kind}"
+        for key, count in _counts(entry, study.space.n_inputs).items():
+            n_bytes = campaign_bytes(count, study.space.n_inputs, len(study.outputs))
+            require_room(f"{place}.{key}", getattr(entry.value, key), n_bytes)
         if entry.optimisation or entry.robust:
             parse_expression(entry.value.objective, names, place=f"{place}.objective")
         for j, constraint in enumerate(getattr(entry.value, "constraints", ())):
             parse_constraint(constraint, names, place=f"{place}.constraints[{j}]")
+
+
+def _counts(entry: AnalysisEntry, n_inputs: int) -> dict[str, int]:
+    """Return the keys of an analysis that set how much is computed at a time, and the points of each."""
+    asked = entry.value
+    match entry.kind:
+        case "sensitivity":
+            return {"samples": asked.samples * (2 * n_inputs + 2)}
+        case "morris":
+            return {"trajectories": asked.trajectories * (n_inputs + 1)}
+        case "calibration":
+            return {"warmup": asked.chains * asked.warmup, "draws": asked.chains * asked.draws}
+        case "robust":
+            return {"samples": asked.samples, "draws": asked.draws, "starts": asked.starts}
+    return {key: getattr(asked, key) for key in ("samples", "starts") if hasattr(asked, key)}
 
 
 @dataclass(frozen=True)

@@ -104,6 +104,8 @@ def write_report(campaign: Campaign, output: Path | None = None, *, listener: Li
         If the campaign has no runs yet, or the file cannot be written.
     """
     path = campaign.folder / "report.html" if output is None else output
+    if path.is_dir() or path.suffix.lower() not in {".html", ".htm"}:
+        raise StudyError.at("report", str(path), "a file named .html")
     draft = path.with_name(f".{path.name}.draft")
     try:
         # Tried first: a drawn report that cannot be written would be drawn in vain.

@@ -273,11 +273,15 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise StudyError(f"{folder}: no campaign is here (there is no {MANIFEST})") from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise StudyError(f"{folder / MANIFEST}: cannot be read ({error})") from None
     found = manifest.get("schema") if isinstance(manifest, dict) else None
     if found != SCHEMA:
         raise StudyError.at(f"{folder / MANIFEST}: schema", found, SCHEMA)
+    for key in ("fingerprint", "study"):
+        if not isinstance(manifest.get(key), str):
+            found = manifest.get(key, "nothing")
+            raise StudyError.at(f"{folder / MANIFEST}: {key}", found, "a text; the manifest is damaged")
     return dict(manifest)
 
 
