@@ -181,7 +181,7 @@ def _surrogates(campaign: Campaign, index: Index, listener: Listener) -> dict[st
     except StudyError as error:
         index.failures.append(str(error))
         return {}
-    from tensegra.surrogate import RegimeData, campaign_runs, load
+    from tensegra.surrogate import RegimeData, campaign_runs
 
     folder = campaign.folder / SURROGATES
     folder.mkdir(exist_ok=True)
@@ -193,15 +193,25 @@ def _surrogates(campaign: Campaign, index: Index, listener: Listener) -> dict[st
         if isinstance(runs, RegimeData):
             learnt.append(runs.labels.tolist())
         key = key_of("surrogate", entry.written(), study.seed, *learnt)
-        if known.get(name, {}).get("key") == key and (folder / f"{name}.tg").is_file():
-            surrogate = load(folder / f"{name}.tg")
-        else:
+        is_known = known.get(name, {}).get("key") == key
+        surrogate = _kept(folder / f"{name}.tg") if is_known else None
+        if surrogate is None:
             surrogate = _fit(runs, entry, study.seed, folder / name)
         fitted[name] = Fitted(surrogate, key)
         index.surrogates[name] = {"key": key}
     index.write(campaign.folder)
     listener("surrogates", len(fitted), len(fitted))
     return fitted
+
+
+def _kept(path: Path) -> "Surrogate | None":
+    """Return the surrogate in a file; None if there is none, or it is damaged and has to be made anew."""
+    from tensegra.surrogate import load
+
+    try:
+        return load(path)
+    except StudyError:
+        return None
 
 
 def _fit(data: "TrainingData | RegimeData", entry: SurrogateEntry, seed: int, stem: Path) -> "Surrogate":

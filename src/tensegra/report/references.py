@@ -45,7 +45,10 @@ def structure_from(reference: str) -> Structure:
 def is_study_file(reference: str) -> bool:
     """Tell whether a file says that it is a study; one that cannot be read does not."""
     try:
-        text = Path(reference).read_text(encoding="utf-8-sig")
+        path = Path(reference)
+        if not path.is_file():  # a pipe may never end
+            return False
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, ValueError):
         return False
     return _STUDY.search(text) is not None
