@@ -16,7 +16,7 @@ of aliases would be a billion."""
 
 _TOO_DEEP = f"nested too deeply, expected at most {DEEPEST} lists and mappings within one another"
 
-_PLAIN = frozenset({str, int, float, bool, type(None)})
+_PLAIN: frozenset[type] = frozenset({str, int, float, bool, type(None)})
 
 
 class TextError(ValueError):
@@ -47,7 +47,7 @@ def require_plain(value: object, *allowed: type) -> None:
     Traceback (most recent call last):
     tensegra.structure.bounded.TextError: found a list that holds itself, expected an end
     """
-    types = _PLAIN | frozenset(allowed)
+    types: frozenset[type] = _PLAIN.union(allowed)
     if not isinstance(value, list | dict):
         _scalar(value, types)
         return

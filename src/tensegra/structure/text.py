@@ -124,7 +124,7 @@ def _require_shallow(text: str) -> None:
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > DEEPEST:
-                line = event.start_mark.line + 1
+                line = event.start_mark.line + 1 if event.start_mark else "?"
                 raise TextError(f"line {line}: nested more than {DEEPEST} lists and mappings deep")
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
