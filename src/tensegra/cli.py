@@ -189,6 +189,12 @@ def run(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Tell what would be done and how long it takes; do nothing.")
     ] = False,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only", metavar="NAME", help="Make this surrogate or analysis alone, and what it needs."
+        ),
+    ] = None,
     verbose: Annotated[
         bool, typer.Option("--verbose", help="Let the libraries below tell what they log.")
     ] = False,
@@ -214,7 +220,9 @@ def run(
             typer.echo(str(cost))
         return
     with progress() as listener:
-        results = carry_out(asked, folder, workers=workers, scheduler=scheduler, listener=listener)
+        results = carry_out(
+            asked, folder, workers=workers, scheduler=scheduler, listener=listener, only=only or ()
+        )
     show_results(results, as_json=as_json)
     raise typer.Exit(DONE if results.succeeded else NUMERICAL_FAILURE)
 

@@ -87,33 +87,32 @@ def _sound(schema, root, depth):
         return st.just(schema["const"])
     if "enum" in schema:
         return st.sampled_from(schema["enum"])
-    match schema.get("type"):
-        case "object":
-            return _objects(schema, root, depth)
-        case "array":
-            if depth > 5:
-                return st.just([])
-            items = schema.get("items") or {}
-            parts = schema.get("prefixItems")
-            if parts:
-                return st.tuples(*[schema_strategy(each, root, depth + 1) for each in parts]).map(list)
-            return st.lists(schema_strategy(items, root, depth + 1), max_size=3)
-        case "string":
-            return st.sampled_from(NAMES) | st.text(max_size=3)
-        case "integer":
-            return st.integers(-1, 40)
-        case "number":
-            return st.sampled_from([0.0, 1e-3, 0.5, 1.0, 3.0, 80.0, -1.0]) | st.floats(-1e3, 1e3)
-        case "boolean":
-            return st.booleans()
-        case "null":
-            return st.none()
-    return st.sampled_from(NAMES) | st.integers(-2, 40)
+    if schema.get("type") in {"object", "array"}:
+        below = _objects if schema["type"] == "object" else _arrays
+        return below(schema, root, depth) if depth <= DEEPEST else st.just({} if below is _objects else [])
+    return _SCALARS.get(schema.get("type"), st.sampled_from(NAMES) | st.integers(-2, 40))
+
+
+DEEPEST = 5
+"""Levels of what is drawn: as many as a study has."""
+
+_SCALARS = {
+    "string": st.sampled_from(NAMES) | st.text(max_size=3),
+    "integer": st.integers(-1, 40),
+    "number": st.sampled_from([0.0, 1e-3, 0.5, 1.0, 3.0, 80.0, -1.0]) | st.floats(-1e3, 1e3),
+    "boolean": st.booleans(),
+    "null": st.none(),
+}
+
+
+def _arrays(schema, root, depth):
+    parts = schema.get("prefixItems")
+    if parts:
+        return st.tuples(*[schema_strategy(each, root, depth + 1) for each in parts]).map(list)
+    return st.lists(schema_strategy(schema.get("items") or {}, root, depth + 1), max_size=3)
 
 
 def _objects(schema, root, depth):
-    if depth > 5:
-        return st.just({})
     keys = schema.get("properties", {})
     if not keys:
         values = schema.get("additionalProperties")

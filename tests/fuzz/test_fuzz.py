@@ -41,6 +41,8 @@ def answer(*arguments):
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             cli.main([*map(str, arguments)])
+    except TooSlowError:
+        raise AssertionError(f"more than {LIMIT} s") from None
     except SystemExit as left:
         return left.code or 0, out.getvalue(), err.getvalue()
     finally:

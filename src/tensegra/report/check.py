@@ -14,7 +14,7 @@ from tensegra.mechanics.stability import (
     prestress_stiffness,
     self_stress,
 )
-from tensegra.report.pipeline import require_sound
+from tensegra.report.soundness import require_sound
 from tensegra.structure import Structure
 from tensegra.study import Study
 
