@@ -15,6 +15,7 @@ from tensegra.report.tables import (
     check_lines,
     displacement_table,
     event_table,
+    member_table,
     stage_table,
     structure_table,
     tension_table,
@@ -61,6 +62,7 @@ def show_structure_check(result: "StructureCheck", *, as_json: bool = False) -> 
     _print_table(structure_table(result.structure))
     _print_table(stage_table(result.path))
     _print_table(event_table(result.path))
+    _print_table(member_table(result))
     for line in check_lines(result):
         _print_line(line)
 

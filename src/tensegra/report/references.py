@@ -34,10 +34,15 @@ def structure_from(reference: str) -> Structure:
     tensegra.errors.ModelError: library: found 'paper_beem', ...; did you mean 'paper_beam'?
     """
     if not reference.startswith(LIBRARY):
+        if is_study_file(reference):
+            raise ModelError.at(
+                reference, "a study", f"a structure; `tensegra run {reference}` runs the study"
+            )
         return read_structure(reference)
     name = reference.removeprefix(LIBRARY)
     if name not in library.__all__:
-        raise ModelError.at("library", name, "a built-in structure", candidates=library.__all__)
+        expected = f"one of {', '.join(library.__all__)}"
+        raise ModelError.at("library", name, expected, candidates=library.__all__)
     structure: Structure = getattr(library, name)()
     return structure
 

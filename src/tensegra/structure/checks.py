@@ -19,6 +19,8 @@ _SUPPORTS = ("x", "y", "z", "xy", "xz", "yz", "xyz")
 # A repeated coordinate may have gone through another unit on its way here.
 _SAME_COORDINATE = 1e-9
 
+MEMBER_OR_GROUP = "the id of a member or of a group"
+
 LONGEST_FACTOR = 1e3
 """By which a rest length can be multiplied: no material and no winch does, a slip of units does."""
 
@@ -145,7 +147,7 @@ def _actuators(structure: "Structure") -> Iterator[Problem]:
         place = ("actuators", name)
         if not actuator.members:
             yield Problem((*place, "members"), [], "at least one member")
-        yield from _known((*place, "members"), actuator.members, structure.members, "the id of a member")
+        yield from _known((*place, "members"), actuator.members, structure.members, MEMBER_OR_GROUP)
         earlier: set[str] = set()
         for index, member in enumerate(actuator.members):
             if member in earlier:
@@ -175,7 +177,7 @@ def _stages(structure: "Structure") -> Iterator[Problem]:
 
 def _stage_rest_lengths(structure: "Structure", place: Place, stage: "Stage") -> Iterator[Problem]:
     for key in ("rest_length_changes", "rest_lengths"):
-        yield from _known((*place, key), getattr(stage, key), structure.members, "the id of a member", None)
+        yield from _known((*place, key), getattr(stage, key), structure.members, MEMBER_OR_GROUP, None)
     for member, change in stage.rest_length_changes.items():
         where = (*place, "rest_length_changes", member)
         yield from _number(where, change, above=-1.0, reason=": the member keeps no rest length otherwise")
@@ -191,9 +193,7 @@ def _stage_rest_lengths(structure: "Structure", place: Place, stage: "Stage") ->
 
 def _stage_temperatures(structure: "Structure", place: Place, stage: "Stage") -> Iterator[Problem]:
     names = {**structure.members, **structure.groups}
-    yield from _known(
-        (*place, "temperatures"), stage.temperatures, names, "the id of a member or of a group", None
-    )
+    yield from _known((*place, "temperatures"), stage.temperatures, names, MEMBER_OR_GROUP, None)
     given: dict[str, str] = {}
     for name, difference in stage.temperatures.items():
         where = (*place, "temperatures", name)

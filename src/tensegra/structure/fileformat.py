@@ -1,7 +1,7 @@
 """Reading and writing `tensegra/structure/1`, in YAML and JSON."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -155,6 +155,10 @@ def _assemble(content: dict[str, Any], *, needs_schema: bool) -> Structure:
 
 
 def _structure(content: "StructureSchema", units: Units) -> Structure:
+    groups: dict[str, list[str]] = {}
+    for name, member in content.members.items():
+        for group in member.groups:
+            groups.setdefault(group, []).append(name)
     members = {}
     for name, member in content.members.items():
         values = dict(vars(member))
@@ -172,15 +176,46 @@ def _structure(content: "StructureSchema", units: Units) -> Structure:
         members=members,
         supports=content.supports,
         gravity=content.gravity,
-        actuators={name: Actuator(**dict(actuator)) for name, actuator in content.actuators.items()},
-        stages=tuple(_stage(stage, number) for number, stage in enumerate(content.stages, start=1)),
+        actuators={
+            name: Actuator(_ungrouped(actuator.members, groups), actuator.effect)
+            for name, actuator in content.actuators.items()
+        },
+        stages=tuple(_stage(stage, index, groups) for index, stage in enumerate(content.stages)),
     )
 
 
-def _stage(stage: "StageSchema", number: int) -> Stage:
+def _ungrouped(names: Sequence[str], groups: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """Return names with those of groups replaced by their members."""
+    return tuple(member for name in names for member in groups.get(name, [name]))
+
+
+def _spread_over_groups(
+    values: Mapping[str, float], groups: Mapping[str, Sequence[str]], place: Place
+) -> dict[str, float]:
+    """Return values by member, where they stand by member or by group.
+
+    Raises
+    ------
+    InvalidStructureError
+        Two of them set the same member to different values.
+    """
+    spread: dict[str, float] = {}
+    set_by: dict[str, str] = {}
+    for name, value in values.items():
+        for member in groups.get(name, [name]):
+            if spread.setdefault(member, value) != value:
+                expected = f"one value for member {member!r}, which {set_by[member]!r} sets too"
+                raise InvalidStructureError.of([Problem((*place, name), value, expected)])
+            set_by.setdefault(member, name)
+    return spread
+
+
+def _stage(stage: "StageSchema", index: int, groups: Mapping[str, Sequence[str]]) -> Stage:
     values = dict(stage)
     if stage.name is None:
-        values["name"] = f"stage {number}"
+        values["name"] = f"stage {index + 1}"
+    for key in ("rest_length_changes", "rest_lengths"):
+        values[key] = _spread_over_groups(getattr(stage, key), groups, ("stages", index, key))
     return Stage(**values)
 
 

@@ -150,10 +150,14 @@ def bind_variable(name: str, entry: VariableEntry, structure: Structure, place: 
         every value of the distribution's box.
     """
     dimension = DIMENSIONS[entry.kind]
+    target = entry.value
+    if isinstance(target, Prestress):
+        named = [structure.groups.get(member, (member,)) for member in target.members]
+        target = Prestress(stage=target.stage, members=tuple(member for group in named for member in group))
     variable = Variable(
         name=name,
         quantity=entry.kind,
-        target=entry.value,
+        target=target,
         distribution=as_distribution(entry.distribution, f"{place}.distribution"),
         unit="" if dimension == "ratio" else structure.units.of(dimension),
         label=entry.label,

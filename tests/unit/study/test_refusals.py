@@ -133,7 +133,7 @@ from tensegra.study import parse_study
         (
             "structure",
             "library:paper_baem",
-            "found 'paper_baem', expected a built-in structure; did you mean",
+            "did you mean 'paper_beam'",
         ),
         ("structure", "none.yaml", "none.yaml"),
         ("structure", 3, "structure"),
