@@ -264,6 +264,10 @@ def report(
         Path | None,
         typer.Option("--output", "-o", help="The HTML file; report.html in the campaign if left out."),
     ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option("--figures", metavar="FOLDER", help="Write every figure as SVG and as PDF there, too."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Write the report of a campaign, one HTML file with all its figures and tables."""
@@ -273,7 +277,7 @@ def report(
     from tensegra.terminal import show_report
 
     with progress() as listener:
-        written = write_report(open_campaign(campaign), output, listener=listener)
+        written = write_report(open_campaign(campaign), output, figures=figures, listener=listener)
     show_report(written, as_json=as_json)
 
 

@@ -3,7 +3,8 @@
 import json
 import platform
 import sys
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal
 
 from rich import box
 from rich.console import Console
@@ -44,6 +45,9 @@ __all__ = [
 
 NARROWEST, USUAL_WIDTH = 20, 80
 """Columns below which a terminal shows nothing that could be read, and those that are then assumed."""
+
+NARROWEST_TEXT, PADDING = 16, 2
+"""Columns in which a text can still be read in lines, and those beside each column of a table."""
 
 _STATUS_STYLES = {
     "stable": "green",
@@ -204,18 +208,65 @@ def _print_table(table: Table) -> None:
     if not table.rows:
         return
     console = _console()
+    parts = fitting_parts(table, console.width)
+    for i, part in enumerate(parts):
+        _print_part(console, part, title=table.title if i == 0 else "")
+    if table.note:
+        console.print(escape(table.note), style="dim", highlight=False)
+    console.print()
+
+
+def fitting_parts(table: Table, width: int) -> list[Table]:
+    """Return a table as it is, or cut between its columns into parts that fit, the first column in each.
+
+    A number is never cut: where one column alone is too wide, the terminal breaks the line.
+
+    Examples
+    --------
+    >>> table = Table.of("", ("Run", "w", "v"), [(1, "1.25", "-3.5")], "srr")
+    >>> [part.header for part in fitting_parts(table, 80)], [p.header for p in fitting_parts(table, 12)]
+    ([('Run', 'w', 'v')], [('Run', 'w'), ('Run', 'v')])
+    """
+    needed = [_column_width(table, i) for i in range(len(table.header))]
+    parts: list[list[int]] = [[0]]
+    for i in range(1, len(needed)):
+        if sum(needed[j] for j in parts[-1]) + needed[i] > width and len(parts[-1]) > 1:
+            parts.append([0])
+        parts[-1].append(i)
+    return [
+        replace(
+            table,
+            header=tuple(table.header[i] for i in part),
+            rows=tuple(tuple(row[i] for i in part) for row in table.rows),
+            align="".join(table.align[i] for i in part),
+        )
+        for part in parts
+    ]
+
+
+def _column_width(table: Table, i: int) -> int:
+    """Return the columns of a terminal that a column of a table needs; a text can be broken into words."""
+    lines = [line for cell in (table.header[i], *(row[i] for row in table.rows)) for line in cell.split("\n")]
+    widest = max(map(len, lines), default=0)
+    return (widest if table.align[i] in "rs" else min(widest, NARROWEST_TEXT)) + PADDING
+
+
+def _print_part(console: Console, table: Table, title: str) -> None:
     shown = RichTable(
         box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_header=any(table.header), show_edge=False
     )
     for header, align in zip(table.header, table.align, strict=True):
-        shown.add_column(escape(header), justify="right" if align == "r" else "left", no_wrap=align in "rs")
+        shown.add_column(
+            escape(header),
+            justify="right" if align == "r" else "left",
+            no_wrap=align in "rs",
+            overflow="fold",
+        )
     for row in table.rows:
         shown.add_row(*(_styled(cell) for cell in row))
-    console.print(f"[bold]{escape(table.title)}[/bold]")
+    if title:
+        console.print(f"[bold]{escape(title)}[/bold]")
     console.print(shown)
-    if table.note:
-        console.print(escape(table.note), style="dim", highlight=False)
-    console.print()
 
 
 def _styled(cell: str) -> str:

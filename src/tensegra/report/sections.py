@@ -41,9 +41,12 @@ class Writer:
         What there is.
     frame
         The campaign's runs.
+    pdf
+        Whether to keep each figure as PDF, too.
     """
 
-    def __init__(self, results: Results, frame: "pd.DataFrame") -> None:
+    def __init__(self, results: Results, frame: "pd.DataFrame", *, pdf: bool = False) -> None:
+        self.pdf = pdf
         self.results, self.frame = results, frame
         self.campaign, self.study = results.campaign, results.campaign.study
         self.panels = choose_panels(self.study, frame)
@@ -66,7 +69,8 @@ class Writer:
     def _add(self, section: Section, title: str, text: str, drawing: "Drawing") -> None:
         self.n_figures += 1
         share = round(100 * min(1.0, drawing.get_figwidth() / figures.WIDTH))
-        section.figures.append(Figure(self.n_figures, title, text, figures.svg(drawing), share))
+        pdf = figures.pdf(drawing) if self.pdf else None
+        section.figures.append(Figure(self.n_figures, title, text, figures.svg(drawing), share, pdf))
 
     def _structure(self) -> Iterator[Section]:
         """Show the structure as it stands, and at the extremes of the last output."""

@@ -173,8 +173,8 @@ def member_table(result: "StructureCheck") -> Table:
         columns.append((header, [ratios[m.name][i] for m in shown]))
     texts = [aligned(values, 5) for _, values in columns]
     rows = [(m.name, *(column[i] for column in texts)) for i, m in enumerate(shown)]
-    header = ("Member", *(title for title, _ in columns))
-    return Table.of("Members as they stand", header, rows, "s" + "r" * len(columns), note)
+    titles = ("Member", *(title for title, _ in columns))
+    return Table.of("Members as they stand", titles, rows, "s" + "r" * len(columns), note)
 
 
 def stage_table(path: EquilibriumPath) -> Table:

@@ -177,7 +177,7 @@ def _structure(content: "StructureSchema", units: Units) -> Structure:
         supports=content.supports,
         gravity=content.gravity,
         actuators={
-            name: Actuator(_ungrouped(actuator.members, groups), actuator.effect)
+            name: Actuator(**{**dict(actuator), "members": _ungrouped(actuator.members, groups)})
             for name, actuator in content.actuators.items()
         },
         stages=tuple(_stage(stage, index, groups) for index, stage in enumerate(content.stages)),

@@ -89,7 +89,7 @@ def test_the_tension_of_a_group_is_the_mean_over_it():
 
 
 def test_a_prestress_acts_on_the_members_of_a_group():
-    prestress = {"stage": "prestress", "members": ["all cables"]}
+    prestress = {"stage": "load", "members": ["all cables"]}
     variables = {"p": {"prestress": prestress, "distribution": {"uniform": [-0.002, -0.001]}}}
     assert study(variables=variables).variables[0].target.members == ("a", "b")
 
