@@ -1,7 +1,8 @@
 """What a structure must satisfy. This is the only place that knows: files, changes and Python share it."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from math import inf, isclose, isfinite
+from itertools import pairwise
+from math import dist, inf, isclose, isfinite
 from typing import TYPE_CHECKING
 
 from tensegra.structure.problems import NOTHING, Place, Problem
@@ -18,6 +19,9 @@ _SUPPORTS = ("x", "y", "z", "xy", "xz", "yz", "xyz")
 
 # A repeated coordinate may have gone through another unit on its way here.
 _SAME_COORDINATE = 1e-9
+
+MOST_RATIO = 1e6
+"""Between two lengths of one member: millimetres for kilometres. Beyond, a path would take as many steps."""
 
 MEMBER_OR_GROUP = "the id of a member or of a group"
 
@@ -67,7 +71,13 @@ def _member(structure: "Structure", place: Place, member: "Member") -> Iterator[
     yield from _section(structure, place, member)
     if not path_problems:
         # Without a sound path a rest length that was left out is not known either.
-        yield from _number((*place, "rest_length"), member.rest_length, above=0.0)
+        where = (*place, "rest_length")
+        problems = [*_number(where, member.rest_length, above=0.0)]
+        yield from problems
+        positions = [structure.nodes[node] for node in member.nodes]
+        if not problems and all(map(_is_vector, positions)):
+            along = sum(dist(start, end) for start, end in pairwise(positions))
+            yield from _of_one_size(where, member.rest_length, along, "the length along the nodes")
     for group in member.groups:
         yield from _text((*place, "groups"), group)
 
@@ -188,7 +198,23 @@ def _stage_rest_lengths(structure: "Structure", place: Place, stage: "Stage") ->
         if member in stage.rest_lengths:
             yield Problem(where, change, "no change beside a new rest length of the same member in one stage")
     for member, rest_length in stage.rest_lengths.items():
-        yield from _number((*place, "rest_lengths", member), rest_length, above=0.0)
+        where = (*place, "rest_lengths", member)
+        problems = [*_number(where, rest_length, above=0.0)]
+        yield from problems
+        if not problems and member in structure.members:
+            before = structure.members[member].rest_length
+            yield from _of_one_size(where, rest_length, before, "the rest length that the member begins with")
+
+
+def _of_one_size(place: Place, value: float, other: float, what: str) -> Iterator[Problem]:
+    """Refuse a length that is another size than the one it has to do with, as only a slip makes it."""
+    if (
+        is_number(other)
+        and isfinite(other)
+        and other > 0.0
+        and not 1.0 / MOST_RATIO < value / other < MOST_RATIO
+    ):
+        yield Problem(place, value, f"a length within a factor of {MOST_RATIO:g} of {other:.6g}, {what}")
 
 
 def _stage_temperatures(structure: "Structure", place: Place, stage: "Stage") -> Iterator[Problem]:
@@ -272,6 +298,11 @@ def _parts(structure: "Structure") -> dict[str, str]:
 def _text(place: Place, text: object) -> Iterator[Problem]:
     if not (isinstance(text, str) and text.strip() == text != "" and text.isprintable()):
         yield Problem(place, text, "a name: a whole number, or a text on one line")
+
+
+def _is_vector(value: object) -> bool:
+    """Tell whether a position can be computed with; what is wrong with it is told elsewhere."""
+    return isinstance(value, tuple) and len(value) == 3 and all(is_number(x) and isfinite(x) for x in value)
 
 
 def _vector(place: Place, vector: object) -> Iterator[Problem]:

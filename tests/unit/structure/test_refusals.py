@@ -261,6 +261,14 @@ REFUSALS = {
         "{tip: -0.0255}",
         "stages[0].rest_length_changes: found 'tip', expected the id of a member or of a group",
     ),
+    "rest length of a stage in other units": (
+        "{K1: 225}",
+        "{K1: 225e9}",
+        (
+            "stages[1].rest_lengths.K1: found 225000000000.0, "
+            "expected a length within a factor of 1e+06 of 230, the rest length that the member begins with"
+        ),
+    ),
     "rest length of a stage": (
         "{K1: 225}",
         "{K1: -225}",
