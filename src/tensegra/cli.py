@@ -205,7 +205,7 @@ def run(
     from tensegra.report.check import check_study
     from tensegra.report.pipeline import carry_out
     from tensegra.study import pending_points, probe, read_study
-    from tensegra.terminal import show_results, show_study_check
+    from tensegra.terminal import show_dry_run, show_results
 
     if verbose:
         logging.getLogger("tensegra").setLevel(logging.DEBUG)
@@ -213,11 +213,7 @@ def run(
     folder = campaign if campaign is not None else Path("runs") / study.stem
     if dry_run:
         check, cost = check_study(asked), probe(asked, pending_points(asked, folder), workers=workers)
-        if as_json:
-            typer.echo(json.dumps({**check.to_dict(), "cost": cost.to_dict()}, indent=1, ensure_ascii=False))
-        else:
-            show_study_check(check)
-            typer.echo(str(cost))
+        show_dry_run(check, cost, as_json=as_json)
         return
     with progress() as listener:
         results = carry_out(

@@ -31,9 +31,11 @@ if TYPE_CHECKING:
     from tensegra.report.paper import Reproduction
     from tensegra.report.results import Results
     from tensegra.study import Campaign
+    from tensegra.study.cost import Probe
 
 __all__ = [
     "show_benchmark",
+    "show_dry_run",
     "show_path",
     "show_report",
     "show_reproduction",
@@ -86,6 +88,19 @@ def show_study_check(result: "StudyCheck", *, as_json: bool = False) -> None:
         _print_table(table)
     for advice in study.advice:
         _print_line(f"Note: {advice}.")
+
+
+def show_dry_run(result: "StudyCheck", cost: "Probe", *, as_json: bool = False) -> None:
+    """Show a study, what its runs will cost and what follows them."""
+    from tensegra.report.estimate import estimate, estimate_table
+
+    parts = estimate(result.study, cost)
+    if as_json:
+        _print_json({**result.to_dict(), "cost": cost.to_dict(), "after": [part.to_dict() for part in parts]})
+        return
+    show_study_check(result)
+    _print_table(estimate_table(parts))
+    _print_line(str(cost))
 
 
 def show_path(path: "EquilibriumPath", *, as_json: bool = False) -> None:
