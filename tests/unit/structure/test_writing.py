@@ -1,4 +1,5 @@
 from itertools import pairwise
+from math import dist
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -57,10 +58,16 @@ def structures(draw):
         )
         if kind == "strut" and "material" in section:
             section["section_inertia"] = draw(st.none() | positive)
+        along = sum(dist(*ends) for ends in pairwise(positions[nodes.index(node)] for node in path))
+        rest_length = along * draw(st.floats(0.01, 100.0))
         members[member_id] = Member(
-            kind, path, draw(positive), groups=draw(groups), strength=draw(st.none() | positive), **section
+            kind, path, rest_length, groups=draw(groups), strength=draw(st.none() | positive), **section
         )
-    member_numbers = st.dictionaries(st.sampled_from(ids), positive, max_size=2)
+    begins_with = {member_id: member.rest_length for member_id, member in members.items()}
+    changed = draw(st.lists(st.sampled_from(ids), max_size=2, unique=True))
+    member_numbers = st.fixed_dictionaries(
+        {member_id: st.floats(0.01, 100.0).map(begins_with[member_id].__mul__) for member_id in changed}
+    )
     stage = st.builds(
         Stage,
         name=names,
