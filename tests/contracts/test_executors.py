@@ -119,7 +119,7 @@ def test_where_no_scheduler_is_it_is_told():
 @pytest.mark.parametrize("address", ["nowhere", "tcp://127.0.0.1", "smoke://127.0.0.1:80"])
 def test_an_address_that_cannot_be_is_told(address):
     pytest.importorskip("distributed")
-    with pytest.raises(StudyError, match="no Dask scheduler answers"):
+    with pytest.raises(StudyError, match="expected the address of a Dask scheduler"):
         list(Dask(scheduler=address, patience=1.0).map(math.factorial, [1]))
 
 

@@ -99,7 +99,8 @@ def _asked(entry: AnalysisEntry, d: int) -> dict[str, int]:
 
 def _searched(entry: AnalysisEntry) -> dict[str, int]:
     """Return the points of a search by each of its methods; ``direct`` asks the structure itself."""
-    asked, counts = entry.value, {}
+    asked = entry.value
+    counts: dict[str, int] = {}
     for method in asked.methods:
         model = TRUTH if method == "direct" else asked.model
         count = asked.evaluations if method == "bayesian" else asked.starts * STEPS_PER_START
