@@ -4,16 +4,27 @@ Results go to stdout, everything else to stderr. The exit code is 0 where the wo
 number could not be found (what was found is written all the same) and 2 where the input is wrong.
 """
 
+import importlib.util
+import io
 import json
+import logging
+import os
 import sys
+import warnings
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from tensegra.errors import TensegraError
+from tensegra.errors import TensegraError, shortened
 
 __all__ = ["app", "main"]
+
+LONGEST_LINE = 2000
+"""Characters of an error: place, value and names known, each shortened, fit in."""
+
+LEAST_MEMORY = 640 << 20
+"""Bytes of addresses without which OpenBLAS does not load, but tries for ever (seen at 500 MB)."""
 
 DONE, NUMERICAL_FAILURE, BAD_INPUT = 0, 1, 2
 
@@ -36,17 +47,50 @@ CampaignArgument = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="The 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run a command and leave with its exit code."""
+    _degrade_quietly()
     try:
+        _require_room()
         app(arguments)
     except TensegraError as error:
         _refuse(str(error))
+    except BrokenPipeError:
+        # Who reads the output has seen enough; what is left of it goes nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(DONE) from None
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         _refuse(f"{error.filename}: {reason}" if error.filename else reason)
+    except MemoryError as error:
+        _refuse(f"not enough memory ({str(error) or 'none could be had'}); try fewer runs or samples")
+    except ImportError as error:
+        # The system's word for a library that finds no room.
+        if "memory" not in str(error) and "map segment" not in str(error):
+            raise
+        _refuse(f"not enough memory to load a library ({error})")
+
+
+def _degrade_quietly() -> None:
+    """Let a terminal that lacks a letter show another, and numbers that overflow be told by their status."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace" if stream is sys.stdout else "backslashreplace")
+    if not sys.warnoptions:
+        warnings.filterwarnings("ignore", category=RuntimeWarning, module=r"tensegra|numpy|scipy")
+
+
+def _require_room() -> None:
+    """Refuse a limit of memory under which the linear algebra would wait for more as it is loaded."""
+    if importlib.util.find_spec("resource") is None:  # as on Windows
+        return
+    import resource
+
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY:
+        raise MemoryError(f"the limit is {limit >> 20} MB, expected at least {LEAST_MEMORY >> 20}")
 
 
 def _refuse(message: str) -> None:
-    sys.stderr.write(f"tensegra: error: {' '.join(message.split())}\n")
+    sys.stderr.write(f"tensegra: error: {shortened(' '.join(message.split()), LONGEST_LINE)}\n")
     raise SystemExit(BAD_INPUT)
 
 
@@ -146,6 +190,15 @@ def run(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Tell what would be done and how long it takes; do nothing.")
     ] = False,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only", metavar="NAME", help="Make this surrogate or analysis alone, and what it needs."
+        ),
+    ] = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Let the libraries below tell what they log.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Run a study, or what of it is still missing: campaign, surrogates and analyses."""
@@ -153,20 +206,20 @@ def run(
     from tensegra.report.check import check_study
     from tensegra.report.pipeline import carry_out
     from tensegra.study import pending_points, probe, read_study
-    from tensegra.terminal import show_results, show_study_check
+    from tensegra.terminal import show_dry_run, show_results
 
+    if verbose:
+        logging.getLogger("tensegra").setLevel(logging.DEBUG)
     asked = read_study(study)
     folder = campaign if campaign is not None else Path("runs") / study.stem
     if dry_run:
         check, cost = check_study(asked), probe(asked, pending_points(asked, folder), workers=workers)
-        if as_json:
-            typer.echo(json.dumps({**check.to_dict(), "cost": cost.to_dict()}, indent=1, ensure_ascii=False))
-        else:
-            show_study_check(check)
-            typer.echo(str(cost))
+        show_dry_run(check, cost, as_json=as_json)
         return
     with progress() as listener:
-        results = carry_out(asked, folder, workers=workers, scheduler=scheduler, listener=listener)
+        results = carry_out(
+            asked, folder, workers=workers, scheduler=scheduler, listener=listener, only=only or ()
+        )
     show_results(results, as_json=as_json)
     raise typer.Exit(DONE if results.succeeded else NUMERICAL_FAILURE)
 
@@ -208,6 +261,10 @@ def report(
         Path | None,
         typer.Option("--output", "-o", help="The HTML file; report.html in the campaign if left out."),
     ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option("--figures", metavar="FOLDER", help="Write every figure as SVG and as PDF there, too."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Write the report of a campaign, one HTML file with all its figures and tables."""
@@ -217,7 +274,7 @@ def report(
     from tensegra.terminal import show_report
 
     with progress() as listener:
-        written = write_report(open_campaign(campaign), output, listener=listener)
+        written = write_report(open_campaign(campaign), output, figures=figures, listener=listener)
     show_report(written, as_json=as_json)
 
 

@@ -1,7 +1,9 @@
 """The terminal: results on stdout, as tables for people or as JSON for programs."""
 
 import json
+import platform
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from rich import box
@@ -14,6 +16,7 @@ from tensegra.report.tables import (
     check_lines,
     displacement_table,
     event_table,
+    member_table,
     reaction_table,
     stage_table,
     structure_table,
@@ -29,9 +32,11 @@ if TYPE_CHECKING:
     from tensegra.report.paper import Reproduction
     from tensegra.report.results import Results
     from tensegra.study import Campaign
+    from tensegra.study.cost import Probe
 
 __all__ = [
     "show_benchmark",
+    "show_dry_run",
     "show_path",
     "show_report",
     "show_reproduction",
@@ -40,6 +45,12 @@ __all__ = [
     "show_structure_check",
     "show_study_check",
 ]
+
+NARROWEST, USUAL_WIDTH = 20, 80
+"""Columns below which a terminal shows nothing that could be read, and those that are then assumed."""
+
+NARROWEST_TEXT, PADDING = 16, 2
+"""Columns in which a text can still be read in lines, and those beside each column of a table."""
 
 _STATUS_STYLES = {
     "stable": "green",
@@ -58,6 +69,7 @@ def show_structure_check(result: "StructureCheck", *, as_json: bool = False) -> 
     _print_table(structure_table(result.structure))
     _print_table(stage_table(result.path))
     _print_table(event_table(result.path))
+    _print_table(member_table(result))
     for line in check_lines(result):
         _print_line(line)
 
@@ -77,6 +89,19 @@ def show_study_check(result: "StudyCheck", *, as_json: bool = False) -> None:
         _print_table(table)
     for advice in study.advice:
         _print_line(f"Note: {advice}.")
+
+
+def show_dry_run(result: "StudyCheck", cost: "Probe", *, as_json: bool = False) -> None:
+    """Show a study, what its runs will cost and what follows them."""
+    from tensegra.report.estimate import estimate, estimate_table
+
+    parts = estimate(result.study, cost)
+    if as_json:
+        _print_json({**result.to_dict(), "cost": cost.to_dict(), "after": [part.to_dict() for part in parts]})
+        return
+    show_study_check(result)
+    _print_table(estimate_table(parts))
+    _print_line(str(cost))
 
 
 def show_path(path: "EquilibriumPath", *, as_json: bool = False) -> None:
@@ -135,7 +160,9 @@ def show_state(campaign: "Campaign", *, as_json: bool = False) -> None:
         f"{state.n_done} of {state.n_points} runs done, {state.n_failed} failed, {state.n_pending} pending."
     )
     if state.driver is not None:
-        line += f" Process {state.driver} is running it"
+        # Whether a process of another machine still lives is not to be seen from here.
+        where = "" if state.host == platform.node() else f" on {state.host} (unless it died there)"
+        line += f" Process {state.driver}{where} is running it"
         line += f", {state.rate:.3g} runs/s, {state.seconds_left:.0f} s left." if state.rate > 0 else "."
     _print_line(line)
 
@@ -177,31 +204,86 @@ def show_benchmark(benchmark: "Benchmark", *, as_json: bool = False) -> None:
 
 
 def _print_json(content: dict[str, Any]) -> None:
-    json.dump(content, sys.stdout, indent=1, ensure_ascii=False, allow_nan=False)
+    # JSON has a way to write every letter in ASCII; a stream that cannot show one would lose it.
+    plain = not (sys.stdout.encoding or "ascii").lower().replace("-", "").startswith("utf")
+    json.dump(content, sys.stdout, indent=1, ensure_ascii=plain, allow_nan=False)
     sys.stdout.write("\n")
 
 
+def _console() -> Console:
+    """Return the console; one that claims to have no width is one that does not know it."""
+    console = Console()
+    return console if console.width >= NARROWEST else Console(width=USUAL_WIDTH)
+
+
 def _print_line(text: str = "") -> None:
-    Console().print(escape(text), soft_wrap=True, highlight=False)
+    _console().print(escape(text), soft_wrap=True, highlight=False)
 
 
 def _print_table(table: Table) -> None:
     """Print a table; an empty one is left out."""
     if not table.rows:
         return
-    console = Console()
+    console = _console()
+    parts = fitting_parts(table, console.width)
+    for i, part in enumerate(parts):
+        _print_part(console, part, title=table.title if i == 0 else "")
+    if table.note:
+        console.print(escape(table.note), style="dim", highlight=False)
+    console.print()
+
+
+def fitting_parts(table: Table, width: int) -> list[Table]:
+    """Return a table as it is, or cut between its columns into parts that fit, the first column in each.
+
+    A number is never cut: where one column alone is too wide, the terminal breaks the line.
+
+    Examples
+    --------
+    >>> table = Table.of("", ("Run", "w", "v"), [(1, "1.25", "-3.5")], "srr")
+    >>> [part.header for part in fitting_parts(table, 80)], [p.header for p in fitting_parts(table, 12)]
+    ([('Run', 'w', 'v')], [('Run', 'w'), ('Run', 'v')])
+    """
+    needed = [_column_width(table, i) for i in range(len(table.header))]
+    parts: list[list[int]] = [[0]]
+    for i in range(1, len(needed)):
+        if sum(needed[j] for j in parts[-1]) + needed[i] > width and len(parts[-1]) > 1:
+            parts.append([0])
+        parts[-1].append(i)
+    return [
+        replace(
+            table,
+            header=tuple(table.header[i] for i in part),
+            rows=tuple(tuple(row[i] for i in part) for row in table.rows),
+            align="".join(table.align[i] for i in part),
+        )
+        for part in parts
+    ]
+
+
+def _column_width(table: Table, i: int) -> int:
+    """Return the columns of a terminal that a column of a table needs; a text can be broken into words."""
+    lines = [line for cell in (table.header[i], *(row[i] for row in table.rows)) for line in cell.split("\n")]
+    widest = max(map(len, lines), default=0)
+    return (widest if table.align[i] in "rs" else min(widest, NARROWEST_TEXT)) + PADDING
+
+
+def _print_part(console: Console, table: Table, title: str) -> None:
     shown = RichTable(
         box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_header=any(table.header), show_edge=False
     )
     for header, align in zip(table.header, table.align, strict=True):
-        shown.add_column(escape(header), justify="right" if align == "r" else "left", no_wrap=align in "rs")
+        shown.add_column(
+            escape(header),
+            justify="right" if align == "r" else "left",
+            no_wrap=align in "rs",
+            overflow="fold",
+        )
     for row in table.rows:
         shown.add_row(*(_styled(cell) for cell in row))
-    console.print(f"[bold]{escape(table.title)}[/bold]")
+    if title:
+        console.print(f"[bold]{escape(title)}[/bold]")
     console.print(shown)
-    if table.note:
-        console.print(escape(table.note), style="dim", highlight=False)
-    console.print()
 
 
 def _styled(cell: str) -> str:

@@ -21,7 +21,11 @@ from tensegra.errors import ModelError, nearest
 if TYPE_CHECKING:
     import pint
 
-__all__ = ["Dimension", "QuantityError", "Units", "as_float", "is_number"]
+__all__ = ["LARGEST", "SMALLEST", "Dimension", "QuantityError", "Units", "as_float", "is_number", "is_sane"]
+
+SMALLEST, LARGEST = 1e-100, 1e100
+"""Sizes between which a number that is not 0 has to lie, in any units: a stiffness multiplies and divides
+three of them, and is still a normal float. The smallest floats have lost their digits before that."""
 
 Dimension = Literal[
     "ratio",
@@ -76,6 +80,9 @@ _UNIT_NAME = r"[^\W\d]\w*|°\w+|%"
 _FACTOR = rf"(?:{_UNIT_NAME})(?:\s*(?:\^|\*\*)\s*-?\d)?"
 # Products, quotients and one-digit powers of names: all that a unit needs, and nothing to evaluate.
 _UNIT = rf"(?:1\s*/\s*)?{_FACTOR}(?:\s*[*/·\s]\s*{_FACTOR})*"
+LONGEST_QUANTITY = 120
+"""Characters of a quantity: a unit of five thousand factors is none, and pint calls itself for each."""
+
 _NUMBER_ONLY = re.compile(rf"\s*({_NUMBER})\s*")
 _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_UNIT})\s*")
 
@@ -171,24 +178,24 @@ class Units:
         QuantityError
             `value` is neither, or its unit measures something else.
         """
-        if isinstance(value, str):
+        if isinstance(value, str) and len(value) <= LONGEST_QUANTITY:
             if plain := _NUMBER_ONLY.fullmatch(value):
                 return float(plain[1])
             if (quantity := _QUANTITY.fullmatch(value)) and (unit := _unit(quantity[2])) is not None:
-                converted = self._convert(Decimal(quantity[1]), unit, dimension)
+                converted = self._convert(quantity[1], unit, dimension)
                 if converted is not None:
                     return converted
         elif is_number(value):
             return as_float(value)
         raise QuantityError(self._expected(dimension), _corrections(value))
 
-    def _convert(self, amount: Decimal, unit: "pint.Unit", dimension: Dimension) -> float | None:
+    def _convert(self, amount: str, unit: "pint.Unit", dimension: Dimension) -> float | None:
         target = _unit(self.of(dimension)) if dimension != "ratio" else _registry().dimensionless
         if target is None or unit.dimensionality != target.dimensionality:
             return None
         try:
-            return float(_registry().Quantity(amount, unit).to(target).magnitude)
-        except ArithmeticError:
+            return float(_registry().Quantity(Decimal(amount), unit).to(target).magnitude)
+        except ArithmeticError:  # an exponent that no number has
             return None
 
     def _expected(self, dimension: Dimension) -> str:
@@ -210,6 +217,17 @@ def is_number(value: object) -> bool:
     return type(value) is float or (isinstance(value, Real) and not isinstance(value, bool))
 
 
+def is_sane(value: float) -> bool:
+    """Tell whether a finite number is 0 or of a size that can be computed with.
+
+    Examples
+    --------
+    >>> is_sane(0.0), is_sane(-6e-17), is_sane(1e-320), is_sane(-1e308)
+    (True, True, False, False)
+    """
+    return value == 0.0 or SMALLEST <= abs(value) <= LARGEST
+
+
 def as_float(value: Any) -> float:  # noqa: ANN401 — any real number
     """Return a real number as a float, infinite if it is too large for one.
 
@@ -226,7 +244,8 @@ def as_float(value: Any) -> float:  # noqa: ANN401 — any real number
 
 def _corrections(value: object) -> tuple[str, ...]:
     """Return a quantity with its unknown units replaced by the nearest common ones, if there are any."""
-    quantity = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    short = isinstance(value, str) and len(value) <= LONGEST_QUANTITY
+    quantity = _QUANTITY.fullmatch(value) if isinstance(value, str) and short else None
     if quantity is None:
         return ()
 
@@ -246,7 +265,7 @@ def _is_unit_of(name: object, dimension: BaseDimension) -> bool:
         return False
     if name in _COMMON[dimension]:
         return True
-    if not re.fullmatch(_UNIT_NAME, name):
+    if len(name) > LONGEST_QUANTITY or not re.fullmatch(_UNIT_NAME, name):
         return False
     unit, reference = _unit(name), _unit(_COMMON[dimension][0])
     return unit is not None and reference is not None and unit.dimensionality == reference.dimensionality
@@ -268,6 +287,11 @@ def _unit(text: str) -> "pint.Unit | None":
     registry = _registry()
     try:
         unit = registry.parse_units(text.replace("·", "*"))
-    except (pint.PintError, ValueError, AssertionError):
+        difference = registry.parse_units(_DIFFERENCE_OF.get(str(unit), str(unit)))
+        # A power of zero leaves pint a unit that it cannot convert.
+        return None if any(power == 0 for power in difference._units.values()) else difference  # noqa: SLF001 - there is no public way to see them
+    # What pint raises on a foreign text follows from how it happens to parse it.
+    except (pint.PintError, ValueError, AssertionError, LookupError, TypeError, AttributeError):
         return None
-    return registry.parse_units(_DIFFERENCE_OF.get(str(unit), str(unit)))
+    except (ArithmeticError, RecursionError, SyntaxError):
+        return None

@@ -67,7 +67,9 @@ def scheduler_and_worker(folder):
         "--local-directory",
         str(folder),
     ]
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    # Beside what this process finds its own code by: the workers have to have the same.
+    paths = [str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
     started = []
     try:
         for command in (["scheduler", "--port", "0", *where], ["worker", *tail, "--death-timeout", "60"]):

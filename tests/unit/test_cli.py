@@ -5,8 +5,6 @@ import pandas as pd
 import pytest
 import yaml
 
-from tensegra.cli import main
-
 STRUCTURE = {
     "schema": "tensegra/structure/1",
     "units": {"length": "cm", "force": "kN"},
@@ -54,19 +52,6 @@ def _files(tmp_path, monkeypatch):
     Path("rope.yaml").write_text(yaml.safe_dump(STRUCTURE))
     Path("study.yaml").write_text(yaml.safe_dump(STUDY))
     return tmp_path
-
-
-@pytest.fixture
-def tensegra(capsys):
-    """Run a command; return its exit code, stdout and stderr."""
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main(list(map(str, arguments)))
-        captured = capsys.readouterr()
-        return left.value.code or 0, captured.out, captured.err
-
-    return run
 
 
 def strict(text):

@@ -20,16 +20,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegra.analysis.formula import Forward, Name, Node, Number, Operation
-from tensegra.errors import StudyError
+from tensegra.analysis.formula import CHAINED, Forward, Name, Node, Number, Operation, chain, leaves
+from tensegra.errors import StudyError, shortened
 
 Array = NDArray[np.float64]
 
 FUNCTIONS = ("abs", "min", "max", "sqrt", "exp", "log", "sin", "cos")
 
-# A person's objective is a line; these bounds keep a hostile one from exhausting the parser.
-MAX_LENGTH = 1000
+# The tension of every member of a large structure may be summed; these bounds keep a hostile formula from
+# exhausting the parser. A sum or a product counts as one level, however long it is.
+MAX_LENGTH = 20_000
 MAX_DEPTH = 60
+
+LONGEST_PART = 60
+"""Characters of a part of a formula that a message shows."""
 
 _OPERATORS: Mapping[type[ast.operator], str] = {
     ast.Add: "+",
@@ -214,7 +218,9 @@ class _Reader:
             raise StudyError.at(place, f"{text[:40]}…", f"at most {MAX_LENGTH} characters")
         try:
             self.body = ast.parse(text.strip(), mode="eval").body
-        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        except RecursionError:
+            raise StudyError.at(place, text, "a formula of fewer terms, or less deeply nested") from None
+        except (SyntaxError, ValueError, MemoryError) as error:
             raise StudyError.at(place, text, "a formula such as abs(w) / (abs(v) + abs(w))") from error
 
     def expression(self, text: str, root: Node) -> Expression:
@@ -228,6 +234,12 @@ class _Reader:
                 names[node.name] = None
             if not isinstance(node, Operation):
                 return node
+            below, operations = chain(node)
+            if operations:
+                result = visit(below)
+                for operation in operations:
+                    result = Operation(operation.verb, (result, visit(operation.arguments[1])))
+                return result
             arguments = tuple(visit(argument) for argument in node.arguments)
             first, width = (
                 -1,
@@ -251,6 +263,8 @@ class _Reader:
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
             operand = self.read(node.operand, depth + 1)
             return operand if isinstance(node.op, ast.UAdd) else Operation("neg", (operand,))
+        if isinstance(node, ast.BinOp) and _OPERATORS.get(type(node.op)) in CHAINED:
+            return self._chain(node, depth)
         if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
             sides = (self.read(node.left, depth + 1), self.read(node.right, depth + 1))
             return Operation(_OPERATORS[type(node.op)], sides)
@@ -259,6 +273,17 @@ class _Reader:
         if isinstance(node, ast.Compare):
             raise self._refuse(node, "a formula, not a comparison")
         raise self._refuse(node, "numbers, names, + - * / ** and " + ", ".join(FUNCTIONS))
+
+    def _chain(self, node: ast.expr, depth: int) -> Node:
+        """Convert operators that are carried out from left to right, all on one level."""
+        operations: list[tuple[str, ast.expr]] = []
+        while isinstance(node, ast.BinOp) and (verb := _OPERATORS.get(type(node.op))) in CHAINED:
+            operations.append((str(verb), node.right))
+            node = node.left
+        result = self.read(node, depth + 1)
+        for verb, right in reversed(operations):
+            result = Operation(verb, (result, self.read(right, depth + 1)))
+        return result
 
     def _number(self, node: ast.Constant) -> Number:
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
@@ -284,7 +309,8 @@ class _Reader:
 
     def _call(self, node: ast.Call, depth: int) -> Operation:
         if not isinstance(node.func, ast.Name) or node.func.id not in FUNCTIONS:
-            found = node.func.id if isinstance(node.func, ast.Name) else ast.unparse(node.func)
+            source = ast.get_source_segment(self.text.strip(), node.func) or self.text
+            found = node.func.id if isinstance(node.func, ast.Name) else shortened(source, LONGEST_PART)
             expected = "one of the functions " + ", ".join(FUNCTIONS)
             raise StudyError.at(f"{self.place} '{self.text}'", found, expected, candidates=FUNCTIONS)
         verb = node.func.id
@@ -294,19 +320,15 @@ class _Reader:
         return Operation(verb, tuple(self.read(argument, depth + 1) for argument in node.args))
 
     def _refuse(self, node: ast.expr, expected: str) -> StudyError:
-        return StudyError.at(f"{self.place} '{self.text}'", ast.unparse(node)[:60], expected)
+        # Not unparsed: that calls itself for each term.
+        found = ast.get_source_segment(self.text.strip(), node) or self.text
+        return StudyError.at(f"{self.place} '{self.text}'", shortened(found, LONGEST_PART), expected)
 
 
 def _only_counts(sides: Iterable[Node], counts: frozenset[str]) -> bool:
     """Tell whether trees hold counts and numbers only, and at least one count."""
-    names = {name for side in sides for name in _names(side)}
+    names = {leaf.name for side in sides for leaf in leaves(side) if isinstance(leaf, Name)}
     return bool(names) and names <= counts
-
-
-def _names(node: Node) -> set[str]:
-    if isinstance(node, Operation):
-        return {name for argument in node.arguments for name in _names(argument)}
-    return {node.name} if isinstance(node, Name) else set()
 
 
 def _split(small: Node, large: Node) -> Iterable[tuple[Node, Node]]:
@@ -330,6 +352,12 @@ def _render(node: Node) -> str:
         return repr(node.value)
     if isinstance(node, Name):
         return node.name
+    first, operations = chain(node)
+    if operations:
+        text = _render(first)
+        for operation in operations:
+            text = f"({text} {operation.verb} {_render(operation.arguments[1])})"
+        return text
     parts = [_render(argument) for argument in node.arguments]
     if node.verb == "neg":
         return f"-{parts[0]}"

@@ -4,7 +4,7 @@ Each node carries its values (n,) and its partial derivatives (n, n_seeds) by th
 caller differentiates by. With no seeds the slopes have no columns and cost nothing.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -49,10 +49,32 @@ class Operation:
 Node = Number | Name | Operation
 
 
+CHAINED = frozenset("+-*/")
+"""Operators that are carried out from left to right: a sum of a thousand terms is long, but not deep."""
+
+
+def chain(node: Node) -> tuple[Node, list[Operation]]:
+    """Return the leftmost term of a chain of operators, and the operations from the first to the last."""
+    operations: list[Operation] = []
+    while isinstance(node, Operation) and node.verb in CHAINED:
+        operations.append(node)
+        node = node.arguments[0]
+    return node, operations[::-1]
+
+
+def leaves(root: Node) -> Iterator[Number | Name]:
+    """Yield the numbers and names of a tree, from left to right."""
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, Operation):
+            waiting.extend(reversed(node.arguments))
+        else:
+            yield node
+
+
 def _is_constant(node: Node) -> bool:
-    if isinstance(node, Operation):
-        return all(_is_constant(argument) for argument in node.arguments)
-    return isinstance(node, Number)
+    return all(isinstance(leaf, Number) for leaf in leaves(node))
 
 
 class Forward:
@@ -86,6 +108,16 @@ class Forward:
             if node.name in self.seeds:
                 slope[:, self.seeds[node.name]] = 1.0
             return _Dual(self.values[node.name], slope)
+        first, operations = chain(node)
+        if operations:
+            result = self.visit(first)
+            for operation in operations:
+                result = _RULES[operation.verb](result, self.visit(operation.arguments[1]))
+            return result
+        return self._operation(node)
+
+    def _operation(self, node: Operation) -> _Dual:
+        """Evaluate a function, a power or a sign."""
         arguments = [self.visit(argument) for argument in node.arguments]
         if node.verb == "**":
             return _power(arguments[0], arguments[1], constant=_is_constant(node.arguments[1]))

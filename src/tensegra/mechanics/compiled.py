@@ -4,12 +4,16 @@ Numba keeps a compiled function as long as the file that defines it does not cha
 functions of other files, so here a cache is fresh only as long as none of the kernels' files changes.
 """
 
+import logging
 from collections.abc import Callable, Iterable
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numba as nb
+
+logger = logging.getLogger(__name__)
 
 KERNEL_FILES = tuple(
     Path(__file__).with_name(f"{name}.py")
@@ -40,9 +44,40 @@ def njit(function: Callable[..., Any]) -> Any:  # noqa: ANN401 - a Dispatcher
 def _compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401 - a Dispatcher
     """Let Numba compile a function, and its cache watch all kernels."""
     options: Any = {"error_model": "numpy", "nogil": True, "boundscheck": False}
-    dispatcher: Any = nb.njit(cache=True, **options)(function)
+    try:
+        dispatcher: Any = nb.njit(cache=True, **options)(function)
+    except RuntimeError as error:
+        if "cannot cache" not in str(error):
+            raise
+        _say_uncached("no folder for it can be written")
+        return nb.njit(**options)(function)
+    kept: Any = dispatcher._cache  # noqa: SLF001 - see below
     # Numba has no public way to say what a cache depends on; without this one it watches one file.
-    index: Any = getattr(dispatcher._cache, "_cache_file", None)  # noqa: SLF001 - see above
+    index: Any = getattr(kept, "_cache_file", None)
     if hasattr(index, "_source_stamp"):
         index._source_stamp = (index._source_stamp, DIGEST)  # noqa: SLF001 - see above
+    if hasattr(kept, "save_overload"):
+        kept.save_overload = _forgiving(kept.save_overload)
     return dispatcher
+
+
+def _forgiving(save: Callable[..., None]) -> Callable[..., None]:
+    """Let a kernel that was compiled be used, though the disk it would be kept on is full."""
+
+    def save_if_possible(*compiled: object) -> None:
+        try:
+            save(*compiled)
+        except OSError as error:
+            _say_uncached((error.strerror or str(error)).lower())
+
+    return save_if_possible
+
+
+@cache
+def _say_uncached(reason: str) -> None:
+    """Say once why every start compiles anew."""
+    logger.warning(
+        "compiled kernels are not kept (%s), so that every start takes half a minute longer; "
+        "the variable NUMBA_CACHE_DIR names another folder",
+        reason,
+    )

@@ -1,6 +1,7 @@
 """What can be said of a structure or of a study before it is put to work."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite
 from typing import Any
 
@@ -13,11 +14,23 @@ from tensegra.mechanics.stability import (
     self_stress,
 )
 from tensegra.mechanics.vibration import Vibration, natural_frequencies
-from tensegra.report.pipeline import require_sound
+from tensegra.report.members import (
+    MemberState,
+    likely_slips,
+    member_states,
+    self_stress_ratios,
+    size_of,
+    weight_of,
+)
+from tensegra.report.soundness import require_sound
 from tensegra.structure import Structure
 from tensegra.study import Study
 
 __all__ = ["StructureCheck", "StudyCheck", "check_structure", "check_study"]
+
+
+NO_SUPPORT = "No support holds it: the body as a whole is free to move and to turn in six ways"
+"""Said of a body free in space, which is a normal case and also the first thing that is forgotten."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +62,22 @@ class StructureCheck:
     path: EquilibriumPath
     prestress_stiffness: float | None
     vibration: Vibration | None
+
+    @cached_property
+    def members(self) -> tuple[MemberState, ...]:
+        """The members at the end of the history; none where it found no equilibrium."""
+        return member_states(self.path.final) if self.path.final.status != "failed" else ()
+
+    @cached_property
+    def self_stress_ratios(self) -> dict[str, list[float]]:
+        """The states of self-stress of the given coordinates, by member; none where there are many."""
+        return self_stress_ratios(self.structure, self.statics)
+
+    @cached_property
+    def slips(self) -> list[str]:
+        """Numbers that are likely a slip of units, in sentences."""
+        slips = likely_slips(self.structure, self.path.final)
+        return slips if self.structure.supports else [*slips, NO_SUPPORT]
 
     @property
     def stands(self) -> bool:
@@ -85,7 +114,12 @@ class StructureCheck:
             "n_self_stress_locked": self.locked and self.locked.n_self_stress,
             "prestress_stiffness": self.prestress_stiffness,
             "natural_frequencies": self.vibration and self.vibration.frequencies.tolist(),
+            "size": list(size_of(structure)),
+            "weight": weight_of(structure),
             "supports": dict(structure.supports),
+            "members": {member.name: member.to_dict() for member in self.members},
+            "self_stress_ratios": self.self_stress_ratios,
+            "warnings": self.slips,
             "groups": {name: list(members) for name, members in structure.groups.items()},
             "actuators": {
                 name: {"members": list(actuator.members), "effect": actuator.effect}

@@ -1,7 +1,8 @@
 """From a study to its results: campaign, surrogates, analyses, each only where it is missing."""
 
+import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib import metadata
@@ -12,14 +13,19 @@ import numpy as np
 
 from tensegra.errors import StudyError
 from tensegra.report.results import ANALYSES, SURROGATES, Index, Results, key_of, write_json
+from tensegra.report.soundness import require_known_parts, require_sound
 from tensegra.report.study_tables import title_of
 from tensegra.study import AnalysisEntry, Campaign, Study, SurrogateEntry, TrainingData, design_points
 from tensegra.study.analyses import TRUTH
+from tensegra.study.driver import require_folder
+from tensegra.study.executors import executor_for
 
 if TYPE_CHECKING:
     from tensegra.surrogate import RegimeData, Surrogate
 
 __all__ = ["Listener", "carry_out", "versions"]
+
+logger = logging.getLogger(__name__)
 
 HELD_OUT = 0.2
 """Share of the runs that a surrogate is measured on, where its entry says nothing."""
@@ -57,6 +63,7 @@ def carry_out(
     scheduler: str | None = None,
     listener: Listener = deaf,
     resume: bool = True,
+    only: Collection[str] = (),
 ) -> Results:
     """Run a study's design, fit its surrogates and carry out its analyses, all in a folder.
 
@@ -76,6 +83,9 @@ def carry_out(
         Told of the progress.
     resume
         Whether to keep surrogates and analyses that are there; runs are always kept.
+    only
+        Surrogates and analyses by their names, or a kind of analysis: of those that are missing, these alone
+        are made, and what they need. All if left out.
 
     Returns
     -------
@@ -88,6 +98,10 @@ def carry_out(
         If the study cannot be carried out as it is written, or the folder belongs to another one.
     """
     require_sound(study)
+    require_known_parts(study, only)
+    # Refused before anything is done: an address that cannot be one, a folder of something else.
+    executor_for(workers, scheduler)
+    require_folder(Path(folder), study)
     began = time.perf_counter()
     # Compiled here once, and kept on the disk: each worker would do it for itself.
     listener("kernels", 0, 1, "compiled once, which may take half a minute")
@@ -103,37 +117,39 @@ def carry_out(
     index.failures, index.workers = [], workers
     index.seconds["campaign"] = time.perf_counter() - compiled
     index.versions = versions()
-    surrogates = _surrogates(campaign, index, listener)
-    _analyses(campaign, surrogates, index, listener)
+    wanted = Wanted.of(study, only)
+    surrogates = _surrogates(campaign, index, wanted, listener)
+    _analyses(campaign, surrogates, index, wanted, listener)
     index.finished = datetime.now(UTC).isoformat(timespec="seconds")
     index.seconds["total"] = time.perf_counter() - began
     index.write(campaign.folder)
     return Results(campaign, index)
 
 
-def require_sound(study: Study) -> None:
-    """Refuse an objective, a constraint or an option that would only fail after the campaign.
+@dataclass(frozen=True)
+class Wanted:
+    """What is made where it is missing: names of surrogates, numbers of analyses."""
 
-    Raises
-    ------
-    StudyError
-        With the place and the nearest right name.
-    """
-    from tensegra.analysis import parse_constraint, parse_expression
-    from tensegra.surrogate.fit import check_options
+    surrogates: frozenset[str]
+    analyses: frozenset[int]
 
-    for name, surrogate in study.surrogates.items():
-        try:
-            check_options(surrogate.kind, surrogate.options)
-        except StudyError as error:
-            raise StudyError(f"surrogates.{name}: {error}") from None
-    names = (*study.input_names, *study.output_names)
-    for i, entry in enumerate(study.analyses):
-        place = f"analyses[{i}].{entry.kind}"
-        if entry.optimisation or entry.robust:
-            parse_expression(entry.value.objective, names, place=f"{place}.objective")
-        for j, constraint in enumerate(getattr(entry.value, "constraints", ())):
-            parse_constraint(constraint, names, place=f"{place}.constraints[{j}]")
+    @classmethod
+    def of(cls, study: Study, only: Collection[str]) -> "Wanted":
+        """Return all, or those named with the surrogates that they ask."""
+        if not only:
+            return cls(frozenset(study.surrogates), frozenset(range(len(study.analyses))))
+        analyses = [
+            i for i, entry in enumerate(study.analyses) if {title_of(entry, i), entry.kind} & set(only)
+        ]
+        asked = {name for i in analyses for name in _models(study.analyses[i])}
+        return cls(
+            frozenset(name for name in study.surrogates if name in asked | set(only)), frozenset(analyses)
+        )
+
+
+def _models(entry: AnalysisEntry) -> list[str]:
+    """Return the names of the models that an analysis asks."""
+    return [name for name in (entry.value.model, getattr(entry.value, "compare_with", None)) if name]
 
 
 @dataclass(frozen=True)
@@ -144,7 +160,7 @@ class Fitted:
     key: str
 
 
-def _surrogates(campaign: Campaign, index: Index, listener: Listener) -> dict[str, Fitted]:
+def _surrogates(campaign: Campaign, index: Index, wanted: Wanted, listener: Listener) -> dict[str, Fitted]:
     """Fit the study's surrogates, or load those that are there."""
     study = campaign.study
     known, index.surrogates = index.surrogates, {}
@@ -155,7 +171,7 @@ def _surrogates(campaign: Campaign, index: Index, listener: Listener) -> dict[st
     except StudyError as error:
         index.failures.append(str(error))
         return {}
-    from tensegra.surrogate import RegimeData, campaign_runs, load
+    from tensegra.surrogate import RegimeData, campaign_runs
 
     folder = campaign.folder / SURROGATES
     folder.mkdir(exist_ok=True)
@@ -167,15 +183,31 @@ def _surrogates(campaign: Campaign, index: Index, listener: Listener) -> dict[st
         if isinstance(runs, RegimeData):
             learnt.append(runs.labels.tolist())
         key = key_of("surrogate", entry.written(), study.seed, *learnt)
-        if known.get(name, {}).get("key") == key and (folder / f"{name}.tg").is_file():
-            surrogate = load(folder / f"{name}.tg")
-        else:
-            surrogate = _fit(runs, entry, study.seed, folder / name)
+        is_known = known.get(name, {}).get("key") == key
+        surrogate = _kept(folder / f"{name}.tg") if is_known else None
+        if surrogate is None and name not in wanted.surrogates:
+            continue
+        if surrogate is None:
+            try:
+                surrogate = _fit(runs, entry, study.seed, folder / name)
+            except Exception as error:  # noqa: BLE001 - the others are to be had, whatever this one met
+                index.failures.append(_told(f"surrogates.{name}", error))
+                continue
         fitted[name] = Fitted(surrogate, key)
         index.surrogates[name] = {"key": key}
     index.write(campaign.folder)
-    listener("surrogates", len(fitted), len(fitted))
+    listener("surrogates", len(study.surrogates), len(study.surrogates))
     return fitted
+
+
+def _kept(path: Path) -> "Surrogate | None":
+    """Return the surrogate in a file; None if there is none, or it is damaged and has to be made anew."""
+    from tensegra.surrogate import load
+
+    try:
+        return load(path)
+    except StudyError:
+        return None
 
 
 def _fit(data: "TrainingData | RegimeData", entry: SurrogateEntry, seed: int, stem: Path) -> "Surrogate":
@@ -211,13 +243,25 @@ def _fit(data: "TrainingData | RegimeData", entry: SurrogateEntry, seed: int, st
     return surrogate
 
 
-def _analyses(campaign: Campaign, surrogates: Mapping[str, Fitted], index: Index, listener: Listener) -> None:
+def _told(place: str, error: Exception) -> str:
+    """Return what has failed in one line; what nobody foresaw with the name of its class."""
+    logger.debug("%s", place, exc_info=error)
+    text = " ".join(str(error).split())
+    text = text if isinstance(error, StudyError) else f"{type(error).__name__} {text}".strip()
+    return text if text.startswith(place) else f"{place}: {text}"
+
+
+def _analyses(
+    campaign: Campaign, surrogates: Mapping[str, Fitted], index: Index, wanted: Wanted, listener: Listener
+) -> None:
     """Carry out the study's analyses, or keep those that are there."""
     study = campaign.study
     known, index.analyses = index.analyses, []
     for number, entry in enumerate(study.analyses):
-        asked = [name for name in (entry.value.model, getattr(entry.value, "compare_with", None)) if name]
+        asked = _models(entry)
         missing = [name for name in asked if name not in surrogates and name != TRUTH]
+        if missing and number not in wanted.analyses:
+            continue
         if missing:
             index.failures.append(f"analyses[{number}]: there is no surrogate {missing[0]!r} to ask")
             continue
@@ -228,11 +272,14 @@ def _analyses(campaign: Campaign, surrogates: Mapping[str, Fitted], index: Index
             (campaign.folder / ANALYSES / f"{record['stem']}.json").is_file() for record in there
         ):
             index.analyses += there
-        else:
-            index.analyses += _analyse(campaign, number, entry, surrogates, key, listener)
+        elif number in wanted.analyses:
+            try:
+                index.analyses += _analyse(campaign, number, entry, surrogates, key, listener)
+            except Exception as error:  # noqa: BLE001 - the others are to be had, whatever this one met
+                index.failures.append(_told(f"analyses[{number}]", error))
         index.write(campaign.folder)
     index.failures += [
-        f"{record['name']} by {record['method']}: {record['failure']}"
+        f"{' by '.join(filter(None, (record['name'], record['method'])))}: {record['failure']}"
         for record in index.analyses
         if record.get("failure")
     ]
@@ -252,10 +299,7 @@ def _analyse(
     asked = replace(campaign.study, analyses=(entry,))
     models = {name: fitted.surrogate for name, fitted in surrogates.items()}
     began = time.perf_counter()
-    try:
-        results = run_analyses(asked, campaign, models, listener)
-    except StudyError as error:
-        raise StudyError(f"analyses[{number}]: {error}") from None
+    results = run_analyses(asked, campaign, models, listener)
     seconds = time.perf_counter() - began
     records = []
     for result in results:

@@ -13,7 +13,8 @@ __all__ = ["LIBRARY", "is_study_file", "parse_settings", "structure_from"]
 LIBRARY = "library:"
 """Beginning of a reference to a built-in structure."""
 
-_STUDY = re.compile(r"""^\s*\{?\s*["']?schema["']?\s*:\s*["']?tensegra/study/""", re.MULTILINE)
+_STUDY = re.compile(r"""(?:^|[{,])[ \t]*["']?schema["']?[ \t]*:[ \t]*["']?tensegra/study/""", re.MULTILINE)
+"""Blanks within a line only: what may run over empty lines is tried anew from each of them."""
 
 
 def structure_from(reference: str) -> Structure:
@@ -33,10 +34,15 @@ def structure_from(reference: str) -> Structure:
     tensegra.errors.ModelError: library: found 'paper_beem', ...; did you mean 'paper_beam'?
     """
     if not reference.startswith(LIBRARY):
+        if is_study_file(reference):
+            raise ModelError.at(
+                reference, "a study", f"a structure; `tensegra run {reference}` runs the study"
+            )
         return read_structure(reference)
     name = reference.removeprefix(LIBRARY)
     if name not in library.__all__:
-        raise ModelError.at("library", name, "a built-in structure", candidates=library.__all__)
+        expected = f"one of {', '.join(library.__all__)}"
+        raise ModelError.at("library", name, expected, candidates=library.__all__)
     structure: Structure = getattr(library, name)()
     return structure
 
@@ -44,7 +50,10 @@ def structure_from(reference: str) -> Structure:
 def is_study_file(reference: str) -> bool:
     """Tell whether a file says that it is a study; one that cannot be read does not."""
     try:
-        text = Path(reference).read_text(encoding="utf-8-sig")
+        path = Path(reference)
+        if not path.is_file():  # a pipe may never end
+            return False
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, ValueError):
         return False
     return _STUDY.search(text) is not None

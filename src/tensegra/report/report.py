@@ -26,6 +26,8 @@ class Figure:
         What it shows, in few words and in more.
     image
         The picture, SVG.
+    pdf
+        The same as PDF, where it is asked for.
     share
         Of the page's width, in percent.
     """
@@ -35,6 +37,7 @@ class Figure:
     text: str
     image: bytes = field(repr=False)
     share: int = 100
+    pdf: bytes | None = field(default=None, repr=False)
 
     @property
     def anchor(self) -> str:
@@ -86,7 +89,13 @@ def render(template: str, **content: object) -> str:
     return environment.get_template(template).render(**content)
 
 
-def write_report(campaign: Campaign, output: Path | None = None, *, listener: Listener = deaf) -> Path:
+def write_report(
+    campaign: Campaign,
+    output: Path | None = None,
+    *,
+    figures: Path | None = None,
+    listener: Listener = deaf,
+) -> Path:
     """Write the report of a campaign and return its file.
 
     Parameters
@@ -95,6 +104,8 @@ def write_report(campaign: Campaign, output: Path | None = None, *, listener: Li
         Finished or not; the report has the sections for which there are results.
     output
         The file; ``report.html`` in the campaign's folder if left out.
+    figures
+        A folder for every figure as SVG and as PDF, too.
     listener
         Told of the progress.
 
@@ -104,12 +115,17 @@ def write_report(campaign: Campaign, output: Path | None = None, *, listener: Li
         If the campaign has no runs yet, or the file cannot be written.
     """
     path = campaign.folder / "report.html" if output is None else output
+    if path.is_dir() or path.suffix.lower() not in {".html", ".htm"}:
+        raise StudyError.at("report", str(path), "a file named .html")
     draft = path.with_name(f".{path.name}.draft")
     try:
         # Tried first: a drawn report that cannot be written would be drawn in vain.
         path.parent.mkdir(parents=True, exist_ok=True)
         draft.touch()
-        draft.write_text(build_report(open_results(campaign), listener=listener).html(), encoding="utf-8")
+        report = build_report(open_results(campaign), pdf=figures is not None, listener=listener)
+        if figures is not None:
+            _write_figures(report, figures)
+        draft.write_text(report.html(), encoding="utf-8")
         draft.replace(path)
     except OSError as error:
         raise StudyError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()})") from None
@@ -119,7 +135,16 @@ def write_report(campaign: Campaign, output: Path | None = None, *, listener: Li
     return path
 
 
-def build_report(results: Results, *, listener: Listener = deaf) -> Report:
+def _write_figures(report: "Report", folder: Path) -> None:
+    """Write every figure as SVG and as PDF, numbered as in the report."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for figure in (figure for section in report.sections for figure in section.figures):
+        (folder / f"{figure.anchor}.svg").write_bytes(figure.image)
+        if figure.pdf is not None:
+            (folder / f"{figure.anchor}.pdf").write_bytes(figure.pdf)
+
+
+def build_report(results: Results, *, pdf: bool = False, listener: Listener = deaf) -> Report:
     """Draw all figures of a campaign and gather its tables.
 
     Raises
@@ -133,7 +158,7 @@ def build_report(results: Results, *, listener: Listener = deaf) -> Report:
     frame = results.campaign.frame()
     if frame.empty:
         raise StudyError(f"{results.folder}: found no runs yet, expected some to report on")
-    writer = Writer(results, frame)
+    writer = Writer(results, frame, pdf=pdf)
     sections: list[Section] = []
     for done, part in enumerate(writer.parts):
         listener("report", done, len(writer.parts))

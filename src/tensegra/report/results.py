@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from tensegra.errors import StudyError
 from tensegra.study import Campaign
+from tensegra.study.tablefile import read_parquet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,6 +34,18 @@ __all__ = ["Index", "Results", "StoredAnalysis", "StoredSurrogate", "key_of", "o
 
 SCHEMA = "tensegra/results/1"
 INDEX, SURROGATES, ANALYSES = "results.json", "surrogates", "analyses"
+
+
+_AGAIN = "; delete it and run the study again on this folder, which makes it anew"
+
+
+def _table(path: Path) -> "pd.DataFrame":
+    """Read a table that a run has left."""
+    try:
+        table: pd.DataFrame = read_parquet(path, str(path.parent))
+    except StudyError as error:
+        raise StudyError(f"{error}{_AGAIN}") from None
+    return table
 
 
 @dataclass(frozen=True)
@@ -67,9 +80,7 @@ class StoredSurrogate:
 
     def held_out(self) -> "pd.DataFrame":
         """Return those runs: inputs, ``<output>``, ``<output>_predicted`` and, if known, ``<output>_std``."""
-        import pandas as pd
-
-        return pd.read_parquet(self.held_out_path)
+        return _table(self.held_out_path)
 
 
 @dataclass(frozen=True)
@@ -100,7 +111,12 @@ class StoredAnalysis:
     @cached_property
     def content(self) -> dict[str, Any]:
         """The result as `to_dict` of the analysis gave it, without a trace."""
-        return dict(json.loads(self.path.read_text(encoding="utf-8")))
+        try:
+            return dict(json.loads(self.path.read_text(encoding="utf-8")))
+        except FileNotFoundError:
+            raise StudyError(f"{self.path}: no such file{_AGAIN}") from None
+        except (OSError, ValueError, TypeError, RecursionError) as error:
+            raise StudyError(f"{self.path}: cannot be read ({error}){_AGAIN}") from None
 
     @property
     def table_path(self) -> Path:
@@ -114,15 +130,11 @@ class StoredAnalysis:
 
     def table(self) -> "pd.DataFrame":
         """Return the result as rows."""
-        import pandas as pd
-
-        return pd.read_parquet(self.table_path)
+        return _table(self.table_path)
 
     def trace(self) -> "pd.DataFrame":
         """Return every evaluation of a search."""
-        import pandas as pd
-
-        return pd.read_parquet(self.trace_path)
+        return _table(self.trace_path)
 
 
 @dataclass
@@ -145,6 +157,11 @@ class Index:
         except (OSError, ValueError):
             return cls()
         if not isinstance(content, dict) or content.pop("schema", None) != SCHEMA:
+            return cls()
+        expected = vars(cls())
+        if content.keys() - expected.keys() or any(
+            not isinstance(value, type(expected[key])) for key, value in content.items()
+        ):
             return cls()
         return cls(**content)
 

@@ -8,6 +8,7 @@ import numpy as np
 from tensegra.mechanics import solve_batch
 from tensegra.report import figures
 from tensegra.report.analysis_tables import analysis_tables, grouped
+from tensegra.report.figures.panels import choose_panels
 from tensegra.report.report import Figure, Section
 from tensegra.report.results import Results, StoredAnalysis
 from tensegra.report.study_tables import (
@@ -40,11 +41,16 @@ class Writer:
         What there is.
     frame
         The campaign's runs.
+    pdf
+        Whether to keep each figure as PDF, too.
     """
 
-    def __init__(self, results: Results, frame: "pd.DataFrame") -> None:
+    def __init__(self, results: Results, frame: "pd.DataFrame", *, pdf: bool = False) -> None:
+        self.pdf = pdf
         self.results, self.frame = results, frame
         self.campaign, self.study = results.campaign, results.campaign.study
+        self.panels = choose_panels(self.study, frame)
+        self.drawn = self.panels.of(self.study)
         self.n_figures = 0
 
     @property
@@ -63,7 +69,8 @@ class Writer:
     def _add(self, section: Section, title: str, text: str, drawing: "Drawing") -> None:
         self.n_figures += 1
         share = round(100 * min(1.0, drawing.get_figwidth() / figures.WIDTH))
-        section.figures.append(Figure(self.n_figures, title, text, figures.svg(drawing), share))
+        pdf = figures.pdf(drawing) if self.pdf else None
+        section.figures.append(Figure(self.n_figures, title, text, figures.svg(drawing), share, pdf))
 
     def _structure(self) -> Iterator[Section]:
         """Show the structure as it stands, and at the extremes of the last output."""
@@ -71,7 +78,7 @@ class Writer:
         section = Section("Structure", "structure", tables=[structure_table(structure)])
         if structure.description:
             section.paragraphs.append(structure.description)
-        output = study.outputs[-1]
+        output = self.drawn.outputs[-1]
         values = self.frame[output.name].to_numpy()
         if np.isfinite(values).any():
             rows = [int(np.nanargmin(values)), int(np.nanargmax(values))]
@@ -106,7 +113,8 @@ class Writer:
         sampler = str(study.design.written()["sampler"]).replace("_", " ")
         section.paragraphs.append(f"{study.n_points} design points, sampler {sampler}, seed {study.seed}.")
         section.paragraphs += [f"Note: {advice}." for advice in study.advice]
-        drawing = figures.design_figure(study, self.frame)
+        section.paragraphs += self.panels.notes
+        drawing = figures.design_figure(self.drawn, self.frame)
         self._add(section, "The design points", "By pairs of variables, coloured by status.", drawing)
         yield section
 
@@ -114,13 +122,16 @@ class Writer:
         """Tell how the runs came out."""
         state = self.campaign.state()
         section = Section("Outcome", "outcome", tables=[outcome_table(state), reason_table(state)])
-        drawing = figures.output_figure(self.study, self.frame)
-        self._add(section, "The outputs over the variables", "A dot per run, coloured by status.", drawing)
+        if self.panels.outputs:
+            drawing = figures.output_figure(self.drawn, self.frame)
+            self._add(
+                section, "The outputs over the variables", "A dot per run, coloured by status.", drawing
+            )
         yield section
 
     def _selection(self) -> Iterator[Section]:
         """Tell which runs the surrogates learn from."""
-        study, frame = self.study, self.frame
+        frame = self.frame
         selection = self.campaign.select(frame)
         section = Section("Selection", "selection", tables=[agreement_table(selection)])
         section.paragraphs.append(
@@ -130,8 +141,9 @@ class Writer:
             section.paragraphs.append(f"{selection.note}.")
         text = "Shares of all runs, by the solver's word and by the groups of the outputs."
         self._add(section, "The outcomes", text, figures.outcome_figure(frame, selection))
-        drawing = figures.selection_figure(study, frame, selection)
-        self._add(section, "The selection", "Runs by pairs of outputs.", drawing)
+        if self.panels.outputs:
+            drawing = figures.selection_figure(self.drawn, frame, selection)
+            self._add(section, "The selection", "Runs by pairs of outputs.", drawing)
         yield section
 
     def _surrogates(self) -> Iterator[Section]:
@@ -144,9 +156,12 @@ class Writer:
             if not stored.held_out_path.is_file():
                 continue
             surrogate, held_out = stored.surrogate, stored.held_out()
+            shown = [name for name in surrogate.output_names if name in self.panels.outputs]
+            if not shown:
+                continue
             text = f"{len(held_out)} runs that it has not seen; below the error"
             text += ", with the surrogate's own 90 % interval." if surrogate.has_std else "."
-            drawing = figures.parity_figure(surrogate, held_out)
+            drawing = figures.parity_figure(surrogate, held_out, shown)
             self._add(section, f"Surrogate {name} against the truth", text, drawing)
         yield section
 

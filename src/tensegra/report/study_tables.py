@@ -155,6 +155,7 @@ def state_to_dict(campaign: Campaign, state: CampaignState) -> dict[str, Any]:
         "reasons": reasons_by_kind(state),
         "seconds_per_run": _finite(state.seconds_per_run),
         "driver": state.driver,
+        "host": state.host,
         "rate": _finite(state.rate),
         "seconds_left": _finite(state.seconds_left),
     }

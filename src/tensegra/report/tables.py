@@ -6,7 +6,7 @@ names its unit.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import floor, isfinite, log10
+from math import floor, isfinite, log10, nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ import numpy as np
 from tensegra.errors import ModelError
 from tensegra.mechanics import Equilibrium, EquilibriumPath
 from tensegra.mechanics.history import history_arrays
+from tensegra.report.members import size_of, weight_of
 from tensegra.structure import Member, Structure
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ __all__ = [
     "event_table",
     "history_frame",
     "labelled",
+    "member_table",
     "number",
     "reaction_table",
     "stage_table",
@@ -134,9 +136,12 @@ def structure_table(structure: Structure) -> Table:
         for kind in _KINDS
         if kind in kinds
     )
+    weight = weight_of(structure)
     rows = [
         ("Nodes", f"{structure.n_nodes}, {structure.n_free} free degrees of freedom"),
         ("Members", members),
+        ("Size", f"{' × '.join(number(extent, 4) for extent in size_of(structure))} {units.length}"),
+        ("Weight", f"{number(weight, 4)} {units.force} under gravity 1" if weight else ""),
         ("Units", f"{units.length}, {units.force}, {units.temperature}"),
         ("Supports", _supports(structure)),
         ("Groups", ", ".join(f"{name} ({len(ids)})" for name, ids in structure.groups.items())),
@@ -146,6 +151,35 @@ def structure_table(structure: Structure) -> Table:
         ),
     ]
     return Table.of(structure.name, ("", ""), [row for row in rows if row[1]], "ll")
+
+
+def member_table(result: "StructureCheck") -> Table:
+    """List the members as they stand, those that carry most where not all fit."""
+    units, ratios = result.structure.units, result.self_stress_ratios
+    shown = sorted(result.members, key=lambda member: -abs(member.tension))[:MOST_ROWS]
+    note = (
+        ""
+        if len(shown) == len(result.members)
+        else f"the {len(shown)} of {len(result.members)} that carry most"
+    )
+    n_states = len(next(iter(ratios.values()), []))
+    columns = [
+        (f"Rest length\n[{units.length}]", [m.rest_length for m in shown]),
+        (f"Length\n[{units.length}]", [m.length for m in shown]),
+        ("Strain\n[%]", [100 * m.strain for m in shown]),
+        (f"Tension\n[{units.force}]", [m.tension for m in shown]),
+        (f"Force density\n[{units.of('force per length')}]", [m.force_density for m in shown]),
+    ]
+    if any(m.utilisation is not None for m in shown):
+        used = [100 * m.utilisation if m.utilisation is not None else nan for m in shown]
+        columns.append(("Used\n[%]", used))
+    for i in range(n_states):
+        header = "Self-stress\nratio" if n_states == 1 else f"Self-stress\nratio {i + 1}"
+        columns.append((header, [ratios[m.name][i] for m in shown]))
+    texts = [aligned(values, 5) for _, values in columns]
+    rows = [(m.name, *(column[i] for column in texts)) for i, m in enumerate(shown)]
+    titles = ("Member", *(title for title, _ in columns))
+    return Table.of("Members as they stand", titles, rows, "s" + "r" * len(columns), note)
 
 
 def stage_table(path: EquilibriumPath) -> Table:
@@ -351,4 +385,5 @@ def check_lines(result: "StructureCheck") -> list[str]:
     if utilisation:
         member, share = max(utilisation.items(), key=lambda item: item[1])
         lines.append(f"Highest utilisation {100 * share:.3g} %, of member {member}.")
+    lines += [f"Warning: {slip.rstrip('.')}{'' if slip.endswith('?') else '.'}" for slip in result.slips]
     return [*lines, f"{result.verdict}."]

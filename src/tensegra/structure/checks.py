@@ -1,12 +1,13 @@
 """What a structure must satisfy. This is the only place that knows: files, changes and Python share it."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from math import inf, isclose, isfinite
+from itertools import pairwise
+from math import dist, inf, isclose, isfinite
 from typing import TYPE_CHECKING
 
 from tensegra.structure.overlaps import find_overlaps, member_parts
 from tensegra.structure.problems import NOTHING, Place, Problem
-from tensegra.units import is_number
+from tensegra.units import LARGEST, SMALLEST, is_number, is_sane
 
 if TYPE_CHECKING:
     from tensegra.structure.parts import Member, Stage
@@ -19,6 +20,14 @@ _SUPPORTS = ("x", "y", "z", "xy", "xz", "yz", "xyz")
 
 # A repeated coordinate may have gone through another unit on its way here.
 _SAME_COORDINATE = 1e-9
+
+MOST_RATIO = 1e6
+"""Between two lengths of one member: millimetres for kilometres. Beyond, a path would take as many steps."""
+
+MEMBER_OR_GROUP = "the id of a member or of a group"
+
+LONGEST_FACTOR = 1e3
+"""By which a rest length can be multiplied: no material and no winch does, a slip of units does."""
 
 
 def find_problems(structure: "Structure") -> Iterator[Problem]:
@@ -63,7 +72,13 @@ def _member(structure: "Structure", place: Place, member: "Member") -> Iterator[
     yield from _section(structure, place, member)
     if not path_problems:
         # Without a sound path a rest length that was left out is not known either.
-        yield from _number((*place, "rest_length"), member.rest_length, above=0.0)
+        where = (*place, "rest_length")
+        problems = [*_number(where, member.rest_length, above=0.0)]
+        yield from problems
+        positions = [structure.nodes[node] for node in member.nodes]
+        if not problems and all(map(_is_vector, positions)):
+            along = sum(dist(start, end) for start, end in pairwise(positions))
+            yield from _of_one_size(where, member.rest_length, along, "the length along the nodes")
     for group in member.groups:
         yield from _text((*place, "groups"), group)
 
@@ -143,7 +158,7 @@ def _actuators(structure: "Structure") -> Iterator[Problem]:
         place = ("actuators", name)
         if not actuator.members:
             yield Problem((*place, "members"), [], "at least one member")
-        yield from _known((*place, "members"), actuator.members, structure.members, "the id of a member")
+        yield from _known((*place, "members"), actuator.members, structure.members, MEMBER_OR_GROUP)
         earlier: set[str] = set()
         for index, member in enumerate(actuator.members):
             if member in earlier:
@@ -173,21 +188,39 @@ def _stages(structure: "Structure") -> Iterator[Problem]:
 
 def _stage_rest_lengths(structure: "Structure", place: Place, stage: "Stage") -> Iterator[Problem]:
     for key in ("rest_length_changes", "rest_lengths"):
-        yield from _known((*place, key), getattr(stage, key), structure.members, "the id of a member", None)
+        yield from _known((*place, key), getattr(stage, key), structure.members, MEMBER_OR_GROUP, None)
     for member, change in stage.rest_length_changes.items():
         where = (*place, "rest_length_changes", member)
         yield from _number(where, change, above=-1.0, reason=": the member keeps no rest length otherwise")
+        if is_number(change) and LONGEST_FACTOR <= 1.0 + change < inf:
+            yield Problem(
+                where, change, f"a number below {LONGEST_FACTOR - 1:g}, relative to the rest length"
+            )
         if member in stage.rest_lengths:
             yield Problem(where, change, "no change beside a new rest length of the same member in one stage")
     for member, rest_length in stage.rest_lengths.items():
-        yield from _number((*place, "rest_lengths", member), rest_length, above=0.0)
+        where = (*place, "rest_lengths", member)
+        problems = [*_number(where, rest_length, above=0.0)]
+        yield from problems
+        if not problems and member in structure.members:
+            before = structure.members[member].rest_length
+            yield from _of_one_size(where, rest_length, before, "the rest length that the member begins with")
+
+
+def _of_one_size(place: Place, value: float, other: float, what: str) -> Iterator[Problem]:
+    """Refuse a length that is another size than the one it has to do with, as only a slip makes it."""
+    if (
+        is_number(other)
+        and isfinite(other)
+        and other > 0.0
+        and not 1.0 / MOST_RATIO < value / other < MOST_RATIO
+    ):
+        yield Problem(place, value, f"a length within a factor of {MOST_RATIO:g} of {other:.6g}, {what}")
 
 
 def _stage_temperatures(structure: "Structure", place: Place, stage: "Stage") -> Iterator[Problem]:
     names = {**structure.members, **structure.groups}
-    yield from _known(
-        (*place, "temperatures"), stage.temperatures, names, "the id of a member or of a group", None
-    )
+    yield from _known((*place, "temperatures"), stage.temperatures, names, MEMBER_OR_GROUP, None)
     sound: list[str] = []
     for name, difference in stage.temperatures.items():
         where = (*place, "temperatures", name)
@@ -198,8 +231,12 @@ def _stage_temperatures(structure: "Structure", place: Place, stage: "Stage") ->
         sound.append(name)
         for member in structure.members_named(name):
             material = structure.materials.get(structure.members[member].material or "")
-            if material is not None and 1.0 + material.thermal_expansion * difference <= 0.0:
+            factor = 1.0 if material is None else 1.0 + material.thermal_expansion * difference
+            if factor <= 0.0:
                 yield Problem(where, difference, f"a temperature that leaves member {member!r} a rest length")
+            elif factor >= LONGEST_FACTOR:
+                expected = f"a temperature that lengthens member {member!r} less than {LONGEST_FACTOR:g}-fold"
+                yield Problem(where, difference, expected)
     for overlap in find_overlaps((name, member_parts(structure, name)) for name in sound):
         where = (*place, "temperatures", overlap.name)
         yield Problem(where, stage.temperatures[overlap.name], overlap.expected("temperature"))
@@ -263,6 +300,11 @@ def _text(place: Place, text: object) -> Iterator[Problem]:
         yield Problem(place, text, "a name: a whole number, or a text on one line")
 
 
+def _is_vector(value: object) -> bool:
+    """Tell whether a position can be computed with; what is wrong with it is told elsewhere."""
+    return isinstance(value, tuple) and len(value) == 3 and all(is_number(x) and isfinite(x) for x in value)
+
+
 def _vector(place: Place, vector: object) -> Iterator[Problem]:
     if not isinstance(vector, tuple) or len(vector) != 3:
         yield Problem(place, vector, "three numbers [x, y, z]")
@@ -276,6 +318,8 @@ def _number(
 ) -> Iterator[Problem]:
     if not is_number(value) or not isfinite(value):  # type: ignore[arg-type]
         yield Problem(place, value, "a finite number")
+    elif not is_sane(value):  # type: ignore[arg-type]
+        yield Problem(place, value, f"0, or a number from {SMALLEST:g} to {LARGEST:g} in size")
     elif value <= above:  # type: ignore[operator]
         yield Problem(place, value, f"a number greater than {above:g}{reason}")
     elif value < least:  # type: ignore[operator]

@@ -1,18 +1,19 @@
 """Reading and writing `tensegra/structure/1`, in YAML and JSON."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tensegra.errors import ModelError, nearest
+from tensegra.errors import ModelError
+from tensegra.structure.load import LOADERS, load_values
 from tensegra.structure.mapping import SCHEMA, structure_to_mapping
 from tensegra.structure.parts import Actuator, Material, Member, Stage
 from tensegra.structure.plain import plain, value_at
 from tensegra.structure.problems import NOTHING, InvalidStructureError, Place, Problem
 from tensegra.structure.structure import Structure, path_length
-from tensegra.structure.text import TextError, dump_json, dump_yaml, load_json, load_yaml
+from tensegra.structure.text import dump_json, dump_yaml
 from tensegra.units import Units
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["parse_structure", "read_structure", "write_structure"]
 
-_LOADERS = {".yaml": load_yaml, ".yml": load_yaml, ".json": load_json}
 _DUMPERS = {".yaml": dump_yaml, ".yml": dump_yaml, ".json": dump_json}
 
 
@@ -45,19 +45,7 @@ def read_structure(path: str | os.PathLike[str]) -> Structure:
     tensegra.errors.ModelError: beam.yml: no such file
     """
     path = Path(path)
-    load = _LOADERS.get(path.suffix.lower())
-    if load is None:
-        raise _unknown_suffix(path)
-    try:
-        raw = load(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise _missing_file(path) from None
-    except UnicodeDecodeError:
-        raise ModelError(f"{path.name}: this is not a text in UTF-8") from None
-    except OSError as error:
-        raise ModelError(f"{path}: {(error.strerror or str(error)).lower()}") from None
-    except TextError as error:
-        raise ModelError(f"{path.name}: {error}") from None
+    raw = load_values(path, ModelError)
     return build(raw, source=path.name, name=path.name.partition(".")[0], needs_schema=True)
 
 
@@ -167,6 +155,10 @@ def _assemble(content: dict[str, Any], *, needs_schema: bool) -> Structure:
 
 
 def _structure(content: "StructureSchema", units: Units) -> Structure:
+    groups: dict[str, list[str]] = {}
+    for name, member in content.members.items():
+        for group in member.groups:
+            groups.setdefault(group, []).append(name)
     members = {}
     for name, member in content.members.items():
         values = dict(vars(member))
@@ -184,15 +176,46 @@ def _structure(content: "StructureSchema", units: Units) -> Structure:
         members=members,
         supports=content.supports,
         gravity=content.gravity,
-        actuators={name: Actuator(**dict(actuator)) for name, actuator in content.actuators.items()},
-        stages=tuple(_stage(stage, number) for number, stage in enumerate(content.stages, start=1)),
+        actuators={
+            name: Actuator(**{**dict(actuator), "members": _ungrouped(actuator.members, groups)})
+            for name, actuator in content.actuators.items()
+        },
+        stages=tuple(_stage(stage, index, groups) for index, stage in enumerate(content.stages)),
     )
 
 
-def _stage(stage: "StageSchema", number: int) -> Stage:
+def _ungrouped(names: Sequence[str], groups: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """Return names with those of groups replaced by their members."""
+    return tuple(member for name in names for member in groups.get(name, [name]))
+
+
+def _spread_over_groups(
+    values: Mapping[str, float], groups: Mapping[str, Sequence[str]], place: Place
+) -> dict[str, float]:
+    """Return values by member, where they stand by member or by group.
+
+    Raises
+    ------
+    InvalidStructureError
+        Two of them set the same member to different values.
+    """
+    spread: dict[str, float] = {}
+    set_by: dict[str, str] = {}
+    for name, value in values.items():
+        for member in groups.get(name, [name]):
+            if spread.setdefault(member, value) != value:
+                expected = f"one value for member {member!r}, which {set_by[member]!r} sets too"
+                raise InvalidStructureError.of([Problem((*place, name), value, expected)])
+            set_by.setdefault(member, name)
+    return spread
+
+
+def _stage(stage: "StageSchema", index: int, groups: Mapping[str, Sequence[str]]) -> Stage:
     values = dict(stage)
     if stage.name is None:
-        values["name"] = f"stage {number}"
+        values["name"] = f"stage {index + 1}"
+    for key in ("rest_length_changes", "rest_lengths"):
+        values[key] = _spread_over_groups(getattr(stage, key), groups, ("stages", index, key))
     return Stage(**values)
 
 
@@ -205,10 +228,4 @@ def _as_written(problem: Problem, raw: object) -> Problem:
 
 
 def _unknown_suffix(path: Path) -> ModelError:
-    return ModelError.at(path.name, path.suffix, "a file named .yaml, .yml or .json", candidates=_LOADERS)
-
-
-def _missing_file(path: Path) -> ModelError:
-    siblings = [file.name for file in path.parent.iterdir()] if path.parent.is_dir() else []
-    match = nearest(path.name, siblings)
-    return ModelError(f"{path}: no such file" + (f"; did you mean {match!r}?" if match else ""))
+    return ModelError.at(path.name, path.suffix, "a file named .yaml, .yml or .json", candidates=LOADERS)

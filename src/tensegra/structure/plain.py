@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from tensegra.structure.bounded import DEEPEST
 from tensegra.structure.coerce import is_id
 from tensegra.structure.problems import InvalidStructureError, Place, Problem
 from tensegra.structure.text import REPEATED
@@ -48,6 +49,10 @@ class _Copier:
         is_list = isinstance(value, (list, tuple))
         if not is_list and not isinstance(value, Mapping):
             return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
+        if len(place) > DEEPEST:
+            found = f"more than {DEEPEST} lists and mappings within one another"
+            self._problems.append(Problem(place[:2], found, "plain values"))
+            return None
         if id(value) not in self._copies:
             if not is_list:
                 copied: dict[str, Any] = {}

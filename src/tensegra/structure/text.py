@@ -6,14 +6,16 @@ from collections.abc import Hashable
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from tensegra.errors import shown
+from tensegra.structure.bounded import DEEPEST, TextError, require_plain
+
 if TYPE_CHECKING:
     import yaml
 
 __all__ = ["REPEATED", "TextError", "dump_json", "dump_yaml", "load_json", "load_yaml"]
 
-
-class TextError(ValueError):
-    """A text that is not what its format demands; the message says where."""
+MOST_MERGED = 100_000
+"""Keys that `<<` may bring into one mapping: each level of aliases multiplies them."""
 
 
 class _Repeated:
@@ -55,13 +57,21 @@ def load_yaml(text: str) -> object:
     import yaml
 
     try:
-        return yaml.load(text, Loader=_loader())  # noqa: S506 — a subclass of the safe loader
+        _require_shallow(text)
+        value = yaml.load(text, Loader=_loader())  # noqa: S506 — a subclass of the safe loader
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        raise TextError(f"{where}{error.problem or error.context}") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise TextError(f"{where}{shown(error.problem or error.context)[1:-1]}") from None
+    except TextError:
+        raise
+    except (yaml.YAMLError, ValueError) as error:
         raise TextError(_one_line(error)) from None
+    # PyYAML's constructors trust a tag such as !!bool or !!timestamp to stand before what it says.
+    except (LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        raise TextError(f"a value is not what its tag says ({_one_line(error)})") from None
+    require_plain(value, _Repeated)
+    return value
 
 
 def load_json(text: str) -> object:
@@ -78,11 +88,13 @@ def load_json(text: str) -> object:
     {'a': a key that is there twice}
     """
     try:
-        return json.loads(text, object_pairs_hook=_mapping_of)
+        value = json.loads(text, object_pairs_hook=_mapping_of)
     except json.JSONDecodeError as error:
         raise TextError(f"line {error.lineno}, column {error.colno}: {error.msg}") from None
     except (ValueError, RecursionError) as error:
         raise TextError(_one_line(error)) from None
+    require_plain(value, _Repeated)
+    return value
 
 
 def dump_yaml(value: object) -> str:
@@ -103,6 +115,21 @@ def _one_line(error: Exception) -> str:
     return "nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
 
 
+def _require_shallow(text: str) -> None:
+    """Refuse a text nested so deeply that libyaml, which calls itself for each level, would crash."""
+    import yaml
+
+    depth = 0
+    for event in yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+            if depth > DEEPEST:
+                line = event.start_mark.line + 1 if event.start_mark else "?"
+                raise TextError(f"line {line}: nested more than {DEEPEST} lists and mappings deep")
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+
+
 def _mapping_of(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
     mapping: dict[Any, Any] = {}
     for key, value in pairs:
@@ -116,6 +143,11 @@ def _loader() -> "type[yaml.SafeLoader]":
 
     class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
         yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012 — as PyYAML has it
+
+        def flatten_mapping(self, node: Any) -> None:  # noqa: ANN401
+            super().flatten_mapping(node)
+            if len(node.value) > MOST_MERGED:
+                raise TextError(f"found more than {MOST_MERGED} merged keys in one mapping, expected fewer")
 
         def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:  # noqa: ANN401
             own = [key for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]

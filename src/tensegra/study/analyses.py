@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 from pydantic import BeforeValidator, ConfigDict, Field, Strict, model_validator
 
 from tensegra.errors import StudyError
+from tensegra.filenames import require_file_names
 from tensegra.study.distributions import Distribution, as_distribution
 from tensegra.study.entry import Count, Entry, Identifier, Number, OneOf, Positive
 from tensegra.study.law_entries import DistributionEntry
@@ -266,6 +267,7 @@ def require_known_names(
         raise StudyError(
             f"{source} surrogates.{TRUTH}: the name stands for the structure itself, choose another"
         )
+    require_file_names(surrogates, f"{source} surrogates", StudyError)
     for name, surrogate in surrogates.items():
         _require(surrogate.outputs or (), "an output", outputs, f"{source} surrogates.{name}.outputs")
     models = [*surrogates, TRUTH]

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from time import time
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from tensegra.errors import StudyError
 from tensegra.study.data import TrainingData
 from tensegra.study.derivatives import derivative_name
-from tensegra.study.lock import driver_of
+from tensegra.study.lock import Driver, driver_of
 from tensegra.study.reading import read_study
 from tensegra.study.selection import Selection, select
 from tensegra.study.store import STUDY, Store, read_manifest, row_keys
@@ -42,8 +41,8 @@ class CampaignState:
         How many rows that are not stable give each reason, the most frequent first.
     seconds_per_run
         Mean solver time of a run, NaN if there is none yet.
-    driver
-        Process that is running the campaign now, or None.
+    driver, host
+        Process that is running the campaign now and its machine, or None.
     rate
         Rows a second since that process started, NaN if there is none.
     """
@@ -54,6 +53,7 @@ class CampaignState:
     reasons: dict[str, int]
     seconds_per_run: float
     driver: int | None = None
+    host: str | None = None
     rate: float = np.nan
 
     @property
@@ -200,10 +200,7 @@ class Campaign:
         """Return how far the campaign is; it may be running."""
         frame = self.frame(["status", "reason", "seconds"])
         driver = driver_of(self.folder)
-        rate = np.nan
-        if driver is not None:
-            elapsed = time() - driver["started"]
-            rate = self.store.count_since(driver["started"]) / elapsed if elapsed > 0 else np.nan
+        rate = np.nan if driver is None else _rate(driver)
         not_stable = frame["reason"][frame["status"] != "stable"]
         return CampaignState(
             n_points=self.study.n_points,
@@ -212,11 +209,20 @@ class Campaign:
             reasons=dict(Counter(not_stable).most_common()),
             seconds_per_run=float(frame["seconds"].mean()) if len(frame) else np.nan,
             driver=None if driver is None else int(driver["pid"]),
+            host=None if driver is None else str(driver.get("host", "?")),
             rate=rate,
         )
 
     def __repr__(self) -> str:
         return f"Campaign({str(self.folder)!r}: {self.study.name!r})"
+
+
+def _rate(driver: Driver) -> float:
+    """Return the rows a second that a driver tells of, NaN where it tells of none yet."""
+    rows, seconds = driver.get("rows"), driver.get("seconds")
+    if not (isinstance(rows, int) and isinstance(seconds, float) and rows > 0 and seconds > 0.0):
+        return np.nan
+    return rows / seconds
 
 
 def open_campaign(folder: str | PathLike[str]) -> Campaign:

@@ -9,13 +9,14 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from importlib import metadata
 from itertools import islice
 from queue import Empty, SimpleQueue
 from time import monotonic
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from tensegra.errors import StudyError
+from tensegra.study.code import digest_of_code
+from tensegra.study.scheduler import quiet_logs, require_address, require_scheduler
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -57,17 +58,18 @@ class Dask:
 
     def map(self, function: Callable[[T], R], tasks: Iterable[T]) -> Iterator[R]:
         """Yield the results in order of completion."""
-        with self._client() as client:
+        with quiet_logs(), self._client() as client:
             remaining = iter(tasks)
+            known: set[str] = set()
             done: SimpleQueue[Future] = SimpleQueue()
             pending: dict[str, Future] = {}
             last_seen = monotonic()
             try:
                 while True:
-                    slots = self._slots(client)
+                    slots = self._slots(client, known)
                     last_seen = monotonic() if slots else last_seen
                     for task in islice(remaining, max(0, self.TASKS_AHEAD * max(1, slots) - len(pending))):
-                        future = client.submit(_carry_out, function, task, _version(), pure=False)
+                        future = client.submit(_carry_out, function, task, digest_of_code(), pure=False)
                         pending[future.key] = future
                         future.add_done_callback(done.put)
                     if not pending:
@@ -83,6 +85,10 @@ class Dask:
                         )
             finally:
                 _give_up(client, list(pending.values()))
+
+    def __post_init__(self) -> None:
+        if self.scheduler is not None:
+            require_address(self.scheduler)
 
     @property
     def _place(self) -> str:
@@ -112,18 +118,41 @@ class Dask:
                         local_directory=scratch,
                     )
                 address = stack.enter_context(cluster)
+            if self.scheduler is not None:
+                require_scheduler(self.scheduler, self.patience)
             try:
                 client = Client(address, timeout=self.patience, set_as_default=False)
-            except (OSError, ValueError) as error:
+            except (OSError, ValueError, TypeError, RuntimeError) as error:
                 raise StudyError(f"{self._place}: no Dask scheduler answers ({error})") from None
             yield stack.enter_context(client)
 
-    def _slots(self, client: "Client") -> int:
-        """Return the number of threads that work, 0 while there is none."""
+    def _slots(self, client: "Client", known: set[str]) -> int:
+        """Return the number of threads that work, 0 while there is none, after a look at new workers.
+
+        `known` holds the workers that have been looked at, and is added to.
+        """
         try:
-            return sum(client.nthreads().values())
+            threads: dict[str, int] = client.nthreads()
+            self._require_same_code(client, sorted(threads.keys() - known))
         except OSError:
             raise StudyError(f"{self._place}: the scheduler is gone{_SAFE}") from None
+        known.update(threads)
+        return sum(threads.values())
+
+    def _require_same_code(self, client: "Client", workers: list[str]) -> None:
+        """Refuse workers that lack the package, or have another one.
+
+        What is asked is a text, for a worker without the package cannot be handed a function of it.
+        """
+        if not workers:
+            return
+        answers = client.run(eval, _QUESTION, workers=workers, on_error="return")
+        for worker, answer in answers.items():
+            if isinstance(answer, ImportError | AttributeError):
+                raise StudyError(f"worker {worker}: cannot import this version of tensegra ({answer}){_SAFE}")
+            # A worker that is gone by now has no answer, and is no matter.
+            if isinstance(answer, str) and answer != digest_of_code():
+                raise StudyError(f"worker {worker}: {_OTHER_CODE}{_SAFE}")
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
@@ -139,6 +168,10 @@ class Dask:
                 f"{self._place}: the same runs have ended one worker after another, perhaps for want of "
                 f"memory{_SAFE} with fewer workers"
             ) from None
+        except ImportError as error:
+            raise StudyError(
+                f"{self._place}: a worker cannot import what it needs ({error}){_SAFE}"
+            ) from None
         except (CancelledError, OSError) as error:
             raise StudyError(f"{self._place}: the scheduler is gone ({error}){_SAFE}") from None
 
@@ -146,17 +179,16 @@ class Dask:
 _SAFE = ". What was finished is stored; run again to go on"
 
 
-def _carry_out(function: Callable[[T], R], task: T, version: str) -> R:
+_QUESTION = "__import__('tensegra.study.code', fromlist=['code']).digest_of_code()"
+
+_OTHER_CODE = "has another code of tensegra than the driver, expected the same files on both"
+
+
+def _carry_out(function: Callable[[T], R], task: T, digest: str) -> R:
     """Do a task on a worker, if the worker would do it as the driver does."""
-    if _version() != version:
-        raise StudyError(
-            f"a worker has tensegra {_version()} and the driver {version}, expected the same version"
-        )
+    if digest_of_code() != digest:
+        raise StudyError(f"a worker {_OTHER_CODE}")
     return function(task)
-
-
-def _version() -> str:
-    return metadata.version("tensegra")
 
 
 def _finished(done: "SimpleQueue[Future]", patience: float) -> "Iterator[Future]":

@@ -218,6 +218,8 @@ _CHAINS: "dict[str, Callable[[Output, Batch, Rates], Array]]" = {
     "coordinate": lambda output, runs, rates: _mean(output, runs, rates.nodes),
     "distance": _distance,
     "reaction": _reaction,
-    "tension": lambda output, runs, rates: rates.tensions[:, runs.member_ids.index(output.target)],
+    "tension": lambda output, runs, rates: rates.tensions[
+        :, [runs.member_ids.index(member) for member in output.members]
+    ].mean(axis=1),
 }
 """How the rate of each quantity follows from those of positions and tensions."""

@@ -14,6 +14,7 @@ from tensegra.errors import StudyError
 from tensegra.study.entry import parse_entry
 from tensegra.study.law_entries import LAWS, DistributionEntry, Empirical, LawEntry
 from tensegra.study.laws import Law
+from tensegra.study.tablefile import as_numbers, read_csv
 
 __all__ = ["TAIL", "Distribution", "as_distribution", "with_plain_numbers"]
 
@@ -187,21 +188,14 @@ def _plain(value: object, number: Callable[[object], float], place: str) -> obje
 
 
 def _read_measurements(parameters: Mapping[str, Any], folder: Path, place: str) -> list[float]:
-    import pandas as pd
-
     path = folder / parameters["file"]
-    try:
-        table = pd.read_csv(path)
-    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise StudyError.at(f"{place}.file", parameters["file"], f"a CSV file ({error})") from None
+    table = read_csv(path, f"{place}.file")
     column = parameters.get("column")
-    if column is None and len(table.columns) != 1:
-        raise StudyError(
-            f"{place}.column: the key is missing, and {path.name} has {len(table.columns)} columns"
-        )
-    if column is not None and column not in table.columns:
-        raise StudyError.at(f"{place}.column", column, f"a column of {path.name}", candidates=table.columns)
-    numbers = pd.to_numeric(table[table.columns[0] if column is None else column], errors="coerce")
+    if column is None and len(table) != 1:
+        raise StudyError(f"{place}.column: the key is missing, and {path.name} has {len(table)} columns")
+    if column is not None and not (isinstance(column, str) and column in table):
+        raise StudyError.at(f"{place}.column", column, f"a column of {path.name}", candidates=table)
+    numbers = as_numbers(next(iter(table.values())) if column is None else table[column])
     if not np.isfinite(numbers).all():
         row = int(np.flatnonzero(~np.isfinite(numbers))[0])
         raise StudyError(f"{place}: row {row + 2} of {path.name} holds no finite number")

@@ -22,7 +22,7 @@ from tensegra.study.store import Store, require_same_study, row_keys
 from tensegra.study.study import Study, design_points
 from tensegra.study.variables import Variable
 
-__all__ = ["pending_points", "run_campaign"]
+__all__ = ["pending_points", "require_folder", "run_campaign"]
 
 Array: TypeAlias = NDArray[np.float64]
 Progress: TypeAlias = Callable[[int, int, int], object]
@@ -53,17 +53,19 @@ def run_campaign(
     """Run what is missing of a study's design in a folder; see `Study.run`."""
     folder = Path(folder)
     executor = executor_for(workers, scheduler) if executor is None else executor
+    require_folder(folder, study)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StudyError(f"{folder}: cannot be created ({(error.strerror or str(error)).lower()})") from None
-    with lock_folder(folder):
+    with lock_folder(folder) as held:
         store = Store.prepare(folder, study)
         store.repair()
         campaign = Campaign(folder, study)
         X = design_points(study)
         rows = campaign.frame(["status"])
         done, failed = len(rows), int((rows["status"] == "failed").sum())
+        already = done
         report = progress or (lambda *_: None)
         report(done, len(X), failed)
         missing, repeats = _missing(X, rows.index.to_numpy())
@@ -79,8 +81,30 @@ def run_campaign(
             blocks.learn(len(solved.runs), solved.seconds)
             counts = repeats[solved.points]
             done, failed = done + int(counts.sum()), failed + int(counts[solved.runs.failed].sum())
+            held.tell(done - already)
             report(done, len(X), failed)
     return campaign
+
+
+def require_folder(folder: Path, study: Study) -> None:
+    """Refuse what cannot be the folder of a study's campaign; it need not be there yet.
+
+    Raises
+    ------
+    StudyError
+        Saying what is there instead.
+    """
+    if "\0" in str(folder):
+        raise StudyError.at("campaign", str(folder), "the name of a folder")
+    try:
+        if folder.is_symlink() and not folder.exists():
+            raise StudyError(f"{folder}: a link to {str(folder.readlink())!r}, which is not there")
+        if folder.is_dir():
+            require_same_study(folder, study)
+        elif folder.exists():
+            raise StudyError(f"{folder}: a file is there, expected a new or empty folder")
+    except OSError as error:
+        raise StudyError(f"{folder}: cannot be read ({(error.strerror or str(error)).lower()})") from None
 
 
 def pending_points(study: Study, folder: str | PathLike[str] | None = None) -> NDArray[np.int64]:
@@ -104,8 +128,9 @@ def pending_points(study: Study, folder: str | PathLike[str] | None = None) -> N
         If the folder holds the campaign of another study, or something else.
     """
     done = np.empty(0, dtype=np.int64)
+    if folder is not None:
+        require_folder(Path(folder), study)
     if folder is not None and Path(folder).is_dir():
-        require_same_study(Path(folder), study)
         done = Campaign(Path(folder), study).frame([]).index.to_numpy()
     return _missing(design_points(study), done)[0]
 

@@ -8,10 +8,20 @@ together.
 from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Strict,
+    ValidationError,
+    model_validator,
+)
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from tensegra.errors import StudyError
+from tensegra.units import LARGEST, SMALLEST, is_sane
 
 __all__ = ["Count", "Entry", "Flag", "Identifier", "Number", "OneOf", "Positive", "parse_entry"]
 
@@ -21,7 +31,13 @@ def _identifier(value: object) -> object:
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
-Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
+def _sane(value: float) -> float:
+    if not is_sane(value):
+        raise ValueError(f"found {value:g}, expected 0, or a number from {SMALLEST:g} to {LARGEST:g} in size")
+    return value
+
+
+Number = Annotated[float, Strict(), Field(allow_inf_nan=False), AfterValidator(_sane)]
 Positive = Annotated[Number, Field(gt=0)]
 Count = Annotated[int, Strict(), Field(ge=1)]
 Flag = Annotated[bool, Strict()]

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from tensegra.errors import StudyError
+from tensegra.study.tablefile import as_numbers, read_csv
 
 __all__ = ["read_columns"]
 
@@ -24,22 +25,12 @@ def read_columns(path: Path, place: str = "measurements") -> dict[str, list[floa
     StudyError
         If the file cannot be read, has no row, or a cell is neither empty nor a finite number.
     """
-    import pandas as pd
-
-    try:
-        table = pd.read_csv(path, dtype=str, skipinitialspace=True)
-    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise StudyError.at(place, path.name, f"a CSV file ({error})") from None
-    if table.empty:
-        raise StudyError(f"{place}: {path.name} has no row")
     columns: dict[str, list[float | None]] = {}
-    for name in table.columns:
-        text = table[name].fillna("").str.strip()
-        numbers = pd.to_numeric(text.where(text != "", None), errors="coerce").to_numpy(dtype=np.float64)
-        wrong = (text != "").to_numpy() & ~np.isfinite(numbers)
-        if wrong.any():
-            row = int(np.flatnonzero(wrong)[0])
-            where = f"{place}: {path.name}, row {row + 1}, column {name.strip()!r}"
-            raise StudyError.at(where, text.iloc[row], "a finite number, or nothing")
-        columns[name.strip()] = [None if np.isnan(value) else float(value) for value in numbers]
+    for name, fields in read_csv(path, place).items():
+        numbers = as_numbers(fields)
+        for row, (field, number) in enumerate(zip(fields, numbers, strict=True), start=1):
+            if field and not np.isfinite(number):
+                where = f"{place}: {path.name}, row {row}, column {name!r}"
+                raise StudyError.at(where, field, "a finite number, or nothing")
+        columns[name] = [None if np.isnan(value) else float(value) for value in numbers]
     return columns

@@ -34,7 +34,7 @@ class OutputEntry(OneOf):
     ``distance``
         Between the two `nodes` given.
     ``tension``
-        Of a member.
+        Of a member, or the mean over those of a group.
     ``reaction``
         Force of the supports on the structure along an axis, the sum over `nodes`, which must be
         held along it.
@@ -141,9 +141,10 @@ def bind_output(name: str, entry: OutputEntry, structure: Structure, place: str)
 def _members(entry: OutputEntry, structure: Structure, place: str) -> tuple[str, ...]:
     """Return the members that an output is about; none for an output about nodes or the whole."""
     if entry.kind == "tension":
-        if entry.value not in structure.members:
-            raise StudyError.at(place, entry.value, "a member", candidates=structure.members)
-        return (str(entry.value),)
+        if entry.value not in structure.members and entry.value not in structure.groups:
+            known = [*structure.members, *structure.groups]
+            raise StudyError.at(place, entry.value, "a member or a group", candidates=known)
+        return structure.members_named(str(entry.value))
     if entry.kind not in {"max_tension", "min_tension", "slack_cables"}:
         return ()
     name = str(entry.value)
@@ -204,7 +205,7 @@ _VALUES: dict[str, Callable[[Output, "Batch"], Array]] = {
     "displacement": lambda output, runs: runs.displacement(output.target, nodes=output.nodes),
     "coordinate": lambda output, runs: runs.coordinate(output.target, nodes=output.nodes),
     "distance": _distance,
-    "tension": lambda output, runs: runs.tension(output.target),
+    "tension": lambda output, runs: _tensions(output, runs).mean(axis=1),
     "reaction": lambda output, runs: runs.reaction(output.target, nodes=output.nodes),
     "max_tension": lambda output, runs: _tensions(output, runs).max(axis=1),
     "min_tension": lambda output, runs: _tensions(output, runs).min(axis=1),

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from tensegra.errors import StudyError
 from tensegra.structure import Structure
+from tensegra.study.tablefile import read_numbers
 from tensegra.study.variables import Variable, require_range
 
 __all__ = ["read_points", "write_points"]
@@ -34,22 +35,10 @@ def read_points(
         If the file cannot be read, lacks a column or a number, has no row, or a value that the
         variable's law, or the structure, cannot take.
     """
-    import pandas as pd
-
-    if path.suffix.lower() not in {".csv", ".parquet"}:
-        raise StudyError.at(place, path.name, "a file named .csv or .parquet")
-    try:
-        table = pd.read_csv(path) if path.suffix.lower() == ".csv" else pd.read_parquet(path)
-    except (OSError, ValueError, UnicodeDecodeError) as error:
-        raise StudyError.at(place, path.name, f"a readable table ({error})") from None
-    if len(table) == 0:
-        raise StudyError(f"{place}: {path.name} has no row")
     columns = []
+    table = read_numbers(path, place, [variable.name for variable in variables])
     for variable in variables:
-        if variable.name not in table:
-            known = [str(column) for column in table.columns]
-            raise StudyError.at(place, known, f"a column {variable.name!r} in {path.name}")
-        values = pd.to_numeric(table[variable.name], errors="coerce").to_numpy(dtype=np.float64)
+        values = table[variable.name]
         found = f"{place}: {path.name}, column {variable.name!r}"
         columns.append(_on_support(values, variable, found))
         require_range(variable, structure, (float(values.min()), float(values.max())), found)

@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 from tensegra.errors import ModelError, StudyError
 from tensegra.structure import Structure, apply_changes, library, parse_structure, read_structure
 from tensegra.structure.frozen import FrozenMapping
+from tensegra.structure.load import load_values
+from tensegra.structure.mapping import SCHEMA as STRUCTURE_SCHEMA
 from tensegra.structure.plain import plain
 from tensegra.structure.problems import InvalidStructureError
-from tensegra.structure.text import TextError, load_json, load_yaml
 from tensegra.study.analyses import require_known_names
 from tensegra.study.derivatives import DIFFERENTIABLE
 from tensegra.study.distributions import with_plain_numbers
 from tensegra.study.entry import parse_entry
 from tensegra.study.measurements import read_columns
+from tensegra.study.outputs import DIMENSIONS as OUTPUT_DIMENSIONS
 from tensegra.study.outputs import bind_output
 from tensegra.study.points import read_points
 from tensegra.study.sampling import FileDesign, require_variables
@@ -28,6 +30,7 @@ from tensegra.study.schema import SCHEMA, StudyFile
 from tensegra.study.space import Space
 from tensegra.study.study import RUN_COLUMNS, Study
 from tensegra.study.variables import DIMENSIONS, bind_variable, require_distinct_targets
+from tensegra.units import Dimension, QuantityError
 
 __all__ = ["parse_study", "read_study"]
 
@@ -45,23 +48,16 @@ def read_study(path: str | PathLike[str]) -> Study:
         what was found, what was expected and the nearest known name.
     """
     path = Path(path)
-    loaders = {".yaml": load_yaml, ".yml": load_yaml, ".json": load_json}
-    load = loaders.get(path.suffix.lower())
-    if load is None:
-        raise StudyError.at(path.name, path.suffix, "a file named .yaml, .yml or .json", candidates=loaders)
-    try:
-        written = load(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise StudyError(f"{path}: no such file") from None
-    except UnicodeDecodeError:
-        raise StudyError(f"{path.name}: this is not a text in UTF-8") from None
-    except OSError as error:
-        raise StudyError(f"{path}: {(error.strerror or str(error)).lower()}") from None
-    except TextError as error:
-        raise StudyError(f"{path.name}, {error}") from None
+    if str(path).startswith(LIBRARY):
+        raise StudyError.at(str(path), "a structure", f"a study; `tensegra solve {path}` solves it")
+    written = load_values(path, StudyError)
     content = _plain_content(written, f"{path.name}:")
     if "schema" not in content:
         raise StudyError(f"{path.name}: the key 'schema' is missing, expected {SCHEMA!r}")
+    if content["schema"] == STRUCTURE_SCHEMA:
+        raise StudyError.at(
+            path.name, "a structure", f"a study; `tensegra solve {path}` solves the structure"
+        )
     return _build(content, source=f"{path.name}:", folder=path.parent, name=path.stem)
 
 
@@ -163,7 +159,8 @@ def _refuse_form(content: Mapping[str, Any], source: str) -> NoReturn:
 def _library_structure(reference: str, source: str) -> Structure:
     name = reference.removeprefix(LIBRARY)
     if name not in library.__all__:
-        raise StudyError.at(f"{source} structure", name, "a built-in structure", candidates=library.__all__)
+        expected = f"one of {', '.join(library.__all__)}"
+        raise StudyError.at(f"{source} structure", name, expected, candidates=library.__all__)
     structure: Structure = getattr(library, name)()
     return structure
 
@@ -193,11 +190,73 @@ def _plain_laws(content: dict[str, Any], structure: Structure, source: str, fold
         for name, entry in variables.items()
     }
     if isinstance(content.get("analyses"), list):
+        numbers = _dimensions(content)
         content["analyses"] = [
-            _plain_analysis(entry, converted, folder, f"{source} analyses[{i}]")
+            _plain_quantities(
+                _plain_analysis(entry, converted, folder, f"{source} analyses[{i}]"),
+                numbers,
+                structure,
+                f"{source} analyses[{i}]",
+            )
             for i, entry in enumerate(content["analyses"])
         ]
     return content
+
+
+def _dimensions(content: Mapping[str, Any]) -> dict[str, Dimension]:
+    """Return what each variable and each output measures, as far as their entries are sound."""
+    found: dict[str, Dimension] = {}
+    for section, dimensions in (("variables", DIMENSIONS), ("outputs", OUTPUT_DIMENSIONS)):
+        entries = content.get(section)
+        for name, entry in entries.items() if isinstance(entries, Mapping) else ():
+            kinds = [key for key in entry if key in dimensions] if isinstance(entry, Mapping) else []
+            if kinds:
+                found[name] = dimensions[kinds[0]]
+    return found
+
+
+QUANTITIES = ("bounds", "inputs", "errors", "targets", "limits", "tolerance", "measurements")
+"""Keys of an analysis under which names of variables and outputs stand with numbers in their units."""
+
+
+def _plain_quantities(
+    entry: object, dimensions: Mapping[str, Dimension], structure: Structure, place: str
+) -> object:
+    """Return an analysis with quantities such as ``"5 mm"`` as numbers in the structure's units."""
+    if not isinstance(entry, Mapping) or len(entry) != 1:
+        return entry
+    ((kind, analysis),) = entry.items()
+    if not isinstance(analysis, Mapping):
+        return entry
+    changed = dict(analysis)
+    for key in QUANTITIES:
+        if isinstance(analysis.get(key), Mapping):
+            changed[key] = {
+                name: _plain_numbers(value, dimensions.get(name), structure, f"{place}.{kind}.{key}.{name}")
+                for name, value in analysis[key].items()
+            }
+    if isinstance(analysis.get("predict"), Mapping):
+        predicted = _plain_quantities(
+            {"predict": analysis["predict"]}, dimensions, structure, f"{place}.{kind}"
+        )
+        changed |= cast("dict[str, Any]", predicted)
+    return {kind: changed}
+
+
+def _plain_numbers(value: object, dimension: Dimension | None, structure: Structure, place: str) -> object:
+    """Return a number, or a list of them, without units; what is none is left for the schema to refuse."""
+    if dimension is None:
+        return value
+    if isinstance(value, list):
+        return [_plain_numbers(item, dimension, structure, f"{place}[{i}]") for i, item in enumerate(value)]
+    if isinstance(value, Mapping) and set(value) == {"fixed"}:
+        return {"fixed": _plain_numbers(value["fixed"], dimension, structure, f"{place}.fixed")}
+    if not isinstance(value, str):
+        return value
+    try:
+        return structure.units.number(value, dimension)
+    except QuantityError as error:
+        raise StudyError.at(place, value, str(error), candidates=error.candidates) from None
 
 
 def _converter(kind: str, structure: Structure, folder: Path) -> Callable[[object, str], object]:

@@ -192,13 +192,6 @@ class Store:
         """Return the shards in order of their names."""
         return sorted(path for path in self.shards.glob("*.parquet") if not path.name.startswith("."))
 
-    def count_since(self, moment: float) -> int:
-        """Return the number of rows in shards written after a moment, in seconds since the epoch."""
-        import pyarrow.parquet as pq
-
-        recent = [path for path in self.paths() if path.stat().st_mtime >= moment]
-        return sum(int(pq.read_metadata(path).num_rows) for path in recent)
-
     def repair(self) -> list[Path]:
         """Remove what a killed driver was writing, and set aside shards that are not whole.
 
@@ -280,11 +273,15 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise StudyError(f"{folder}: no campaign is here (there is no {MANIFEST})") from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise StudyError(f"{folder / MANIFEST}: cannot be read ({error})") from None
     found = manifest.get("schema") if isinstance(manifest, dict) else None
     if found != SCHEMA:
         raise StudyError.at(f"{folder / MANIFEST}: schema", found, SCHEMA)
+    for key in ("fingerprint", "study"):
+        if not isinstance(manifest.get(key), str):
+            found = manifest.get(key, "nothing")
+            raise StudyError.at(f"{folder / MANIFEST}: {key}", found, "a text; the manifest is damaged")
     return dict(manifest)
 
 

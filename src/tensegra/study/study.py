@@ -18,6 +18,7 @@ from tensegra.study.analyses import AnalysisEntry, SurrogateEntry
 from tensegra.study.derivatives import DIFFERENTIABLE, derivative_name
 from tensegra.study.entry import Entry
 from tensegra.study.evaluate import Runs, Solver, evaluate
+from tensegra.study.memory import campaign_bytes, require_room
 from tensegra.study.outputs import Output
 from tensegra.study.sampling import (
     n_design_points,
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from tensegra.study.campaign import Campaign
     from tensegra.study.executors import Executor
 
-__all__ = ["RUN_COLUMNS", "Study", "design_points"]
+__all__ = ["RUN_COLUMNS", "Study", "design_points", "require_room_for"]
 
 RUN_COLUMNS = ("status", "reason", "residual", "lowest_eigenvalue", "steps", "iterations", "seconds")
 """Columns of a campaign beside the variables and the outputs."""
@@ -260,6 +261,21 @@ class Study:
         )
 
 
+def require_room_for(study: Study) -> None:
+    """Refuse a design that would not fit into the memory, before a point of it is drawn.
+
+    Raises
+    ------
+    StudyError
+        With the memory that it would need.
+    """
+    if study.points is None:
+        n_bytes = campaign_bytes(
+            study.n_points, study.space.n_inputs, len(study.outputs), derivatives=study.derivatives
+        )
+        require_room("design", f"{study.n_points} points", n_bytes)
+
+
 def design_points(study: Study) -> NDArray[np.float64]:
     """Return the design points of a study, shape (n_points, n_inputs), in the variables' units.
 
@@ -282,6 +298,7 @@ def design_points(study: Study) -> NDArray[np.float64]:
     """
     if study.points is not None:
         return study.points
+    require_room_for(study)
     U = unit_points(study.design, study.input_names, study.seed)
     # Adding zero turns -0.0 into 0.0: one point has one representation.
     return study.space.clip(study.space.from_unit(U)) + 0.0

@@ -6,11 +6,12 @@ from typing import Any, Literal, TypeAlias
 
 from tensegra.errors import StudyError
 from tensegra.structure import Structure
+from tensegra.structure.checks import LONGEST_FACTOR
 from tensegra.structure.overlaps import find_overlaps, member_parts
 from tensegra.study.distributions import Distribution, as_distribution
 from tensegra.study.entry import Entry, Identifier, OneOf
 from tensegra.study.law_entries import DistributionEntry
-from tensegra.units import Dimension
+from tensegra.units import LARGEST, SMALLEST, Dimension, is_sane
 
 __all__ = [
     "Axis",
@@ -152,10 +153,14 @@ def bind_variable(name: str, entry: VariableEntry, structure: Structure, place: 
         every value of the distribution's box.
     """
     dimension = DIMENSIONS[entry.kind]
+    target = entry.value
+    if isinstance(target, Prestress):
+        named = [structure.groups.get(member, (member,)) for member in target.members]
+        target = Prestress(stage=target.stage, members=tuple(member for group in named for member in group))
     variable = Variable(
         name=name,
         quantity=entry.kind,
-        target=entry.value,
+        target=target,
         distribution=as_distribution(entry.distribution, f"{place}.distribution"),
         unit="" if dimension == "ratio" else structure.units.of(dimension),
         label=entry.label,
@@ -236,23 +241,48 @@ def require_range(variable: Variable, structure: Structure, values: tuple[float,
     Raises
     ------
     StudyError
-        If an actuation or a prestress leaves no rest length, or a modulus, an area or a rest length
-        is not positive.
+        If an actuation, a temperature or a prestress leaves no rest length or an absurd one, a modulus,
+        an area or a rest length is not positive, or a number is too large or too small to compute with.
     """
     low, high = values
     found = f"values from {low:.6g} to {high:.6g}"
+    if variable.quantity in {"youngs_modulus", "area", "rest_length"} and low <= 0:
+        raise StudyError(f"{place}: found {found}, expected a positive {variable.quantity}")
+    for limit in values:
+        if not is_sane(limit):
+            raise StudyError.at(place, float(limit), f"values from {SMALLEST:g} to {LARGEST:g} in size, or 0")
+    factors = [factor for value in values for factor in _factors(variable, structure, float(value))]
+    if factors and min(factors) <= 0:
+        raise StudyError(f"{place}: found {found}, expected values {_limit(variable, structure)}")
+    if factors and max(factors) >= LONGEST_FACTOR:
+        expected = f"values that lengthen a member less than {LONGEST_FACTOR:g}-fold"
+        raise StudyError(f"{place}: found {found}, expected {expected}")
+
+
+def _factors(variable: Variable, structure: Structure, value: float) -> list[float]:
+    """Return by what a value multiplies the rest lengths of the members that it acts on."""
     match variable.quantity:
         case "actuator":
-            actuator = structure.actuators[str(variable.target)]
-            if min(actuator.factor(low), actuator.factor(high)) <= 0:
-                limit = "below 1" if actuator.effect == "shorten" else "above -1"
-                raise StudyError(f"{place}: found {found}, expected values {limit} that leave a rest length")
-        case "youngs_modulus" | "area" | "rest_length":
-            if low <= 0:
-                raise StudyError(f"{place}: found {found}, expected a positive {variable.quantity}")
+            return [structure.actuators[str(variable.target)].factor(value)]
         case "prestress":
-            if low <= -1:
-                raise StudyError(f"{place}: found {found}, expected values above -1 that leave a rest length")
+            return [1.0 + value]
+        case "temperature":
+            members = (structure.members[name] for name in structure.members_named(str(variable.target)))
+            materials = {structure.materials[member.material] for member in members if member.material}
+            return [1.0 + material.thermal_expansion * value for material in materials]
+    return []
+
+
+def _limit(variable: Variable, structure: Structure) -> str:
+    """Return, in words, which values leave a member a rest length."""
+    if variable.quantity == "actuator":
+        shortens = structure.actuators[str(variable.target)].effect == "shorten"
+        return f"{'below 1' if shortens else 'above -1'} that leave a rest length"
+    return (
+        "that leave a rest length"
+        if variable.quantity == "temperature"
+        else "above -1 that leave a rest length"
+    )
 
 
 def require_distinct_targets(variables: Mapping[str, Variable], structure: Structure, place: str) -> None:

@@ -58,10 +58,9 @@ class Part:
         """Build the part that `state` was taken from."""
         from tensegra.surrogate.kinds import kind_of
 
+        # By name, so that an array of another part is not read from the file.
         own = {
-            name.removeprefix(f"{prefix}."): array
-            for name, array in arrays.items()
-            if name.startswith(f"{prefix}.")
+            name.removeprefix(f"{prefix}."): arrays[name] for name in arrays if name.startswith(f"{prefix}.")
         }
         scaling = Scaling(
             **{

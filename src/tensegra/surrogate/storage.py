@@ -1,20 +1,17 @@
 """Saving and loading: one file, without pickle, so that reading one never runs anything.
 
-The file is a zip of ``surrogate.json`` (format, kind, names, units, seed, options, validation, the study's
-hash) and one ``arrays/NAME.npy`` for each array. The same surrogate always gives the same bytes.
+The header holds format, kind, names, units, seed, options, validation and the study's hash; beside it stand
+the arrays. See `tensegra.surrogate.archive` for the file itself.
 """
 
-import io
 import json
-import os
-import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tensegra.errors import StudyError
+from tensegra.surrogate.archive import Arrays, open_archive, write_archive
 from tensegra.surrogate.kinds import kind_of
 from tensegra.surrogate.problem import Scaling
 from tensegra.surrogate.surrogate import Surrogate
@@ -23,8 +20,15 @@ from tensegra.surrogate.validation import Validation
 __all__ = ["FORMAT", "load", "save"]
 
 FORMAT = "tensegra/surrogate/1"
-_HEADER = "surrogate.json"
-_PLAIN = ("kind", "n_train", "seconds", "seed", "study_fingerprint")
+_PLAIN: dict[str, tuple[type, ...]] = {
+    "kind": (str,),
+    "n_train": (int,),
+    "seconds": (int, float),
+    "seed": (int,),
+    "study_fingerprint": (str,),
+}
+"""Fields of the header that are a surrogate's own, and what each may be."""
+
 _TUPLES = ("input_names", "output_names", "input_units", "output_units")
 _SCALING = ("input_shift", "input_scale", "output_shift", "output_scale")
 
@@ -49,25 +53,14 @@ def save(surrogate: Surrogate, path: str | Path) -> Path:
     arrays = {f"model.{name}": array for name, array in arrays.items()}
     arrays |= {f"scaling.{name}": getattr(surrogate.scaling, name) for name in _SCALING}
     arrays["bounds"] = surrogate.bounds
-    header = {"format": FORMAT} | {name: getattr(surrogate, name) for name in _PLAIN + _TUPLES}
+    header = {"format": FORMAT} | {name: getattr(surrogate, name) for name in (*_PLAIN, *_TUPLES)}
     header |= {
         "options": dict(surrogate.options),
         "validation": None if surrogate.validation is None else surrogate.validation.to_dict(),
         "model": settings,
     }
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
-            _write(
-                archive, _HEADER, json.dumps(header, indent=1, ensure_ascii=False, default=_plain).encode()
-            )
-            for name in sorted(arrays):
-                buffer = io.BytesIO()
-                np.lib.format.write_array(buffer, np.ascontiguousarray(arrays[name]), allow_pickle=False)
-                _write(archive, f"arrays/{name}.npy", buffer.getvalue())
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    text = json.dumps(header, indent=1, ensure_ascii=False, default=_plain)
+    write_archive(path, text.encode(), arrays)
     return path
 
 
@@ -91,53 +84,62 @@ def load(path: str | Path) -> Surrogate:
         of the format.
     """
     path = Path(path)
-    try:
-        with zipfile.ZipFile(path) as archive:
-            header = _header(archive, path)
-            arrays = {
-                name.removeprefix("arrays/").removesuffix(".npy"): _array(archive.read(name))
-                for name in archive.namelist()
-                if name.startswith("arrays/")
-            }
-        return _build(header, arrays)
-    except FileNotFoundError:
-        raise StudyError(f"{path}: no such file") from None
-    except (zipfile.BadZipFile, OSError):
-        raise StudyError(f"{path}: not a surrogate, or damaged (expected a file written by save)") from None
-    except (KeyError, TypeError, ValueError) as error:
-        raise StudyError(f"{path}: damaged surrogate ({type(error).__name__}: {error})") from error
+    with open_archive(path, FORMAT) as (header, arrays):
+        surrogate = _build(header, arrays)
+        _require_answer(surrogate)
+    return surrogate
 
 
-def _header(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
-    """Return the header, its format checked."""
-    if _HEADER not in archive.namelist():
-        raise StudyError(f"{path}: not a surrogate (a zip file without {_HEADER})")
-    header = json.loads(archive.read(_HEADER))
-    found = header.get("format") if isinstance(header, dict) else None
-    if found != FORMAT:
-        raise StudyError.at(f"{path}: format", found, f"{FORMAT!r}, the only one this version reads")
-    return dict(header)
-
-
-def _build(header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Surrogate:
+def _build(header: dict[str, Any], arrays: Arrays) -> Surrogate:
     """Return the surrogate of a header and its arrays."""
-    model_arrays = {
-        name.removeprefix("model."): array for name, array in arrays.items() if name.startswith("model.")
-    }
     validation = header["validation"]
+    scaling = Scaling(**{name: arrays[f"scaling.{name}"] for name in _SCALING})
     return Surrogate(
         **_named(header),
-        options=header["options"],
+        options=dict(header["options"]),
         validation=None if validation is None else Validation.from_dict(validation),
         bounds=arrays["bounds"],
-        scaling=Scaling(**{name: arrays[f"scaling.{name}"] for name in _SCALING}),
-        model=kind_of(header["kind"]).model.from_state(model_arrays, header["model"]),
+        scaling=scaling,
+        model=kind_of(header["kind"]).model.from_state(arrays.below("model."), header["model"]),
     )
 
 
-def _named(header: dict[str, Any]) -> dict[str, Any]:
+def _require_answer(surrogate: Surrogate) -> None:
+    """Refuse one whose arrays do not fit together: it has to answer at the middle of its box."""
+    d, k = len(surrogate.input_names), len(surrogate.output_names)
+    low, high = _box(surrogate.bounds, d)
+    for name in _SCALING:
+        expected = (d if name.startswith("input") else k,)
+        if getattr(surrogate.scaling, name).shape != expected:
+            raise ValueError(f"the scaling has another shape than {expected}")
+    if not (np.all(surrogate.scaling.input_scale > 0) and np.all(surrogate.scaling.output_scale >= 0)):
+        raise ValueError("a scale is not positive")
+    with np.errstate(all="ignore"):
+        answers = [surrogate.predict((low + high)[None] / 2)]
+        if surrogate.has_std:
+            answers.append(surrogate.predict((low + high)[None] / 2, return_std=True)[1])
+    for answer in answers:
+        if answer.shape != (1, k):
+            raise ValueError(f"it answers in the shape {answer.shape} for {k} outputs")
+
+
+def _box(bounds: np.ndarray, d: int) -> np.ndarray:
+    if bounds.shape != (d, 2) or bounds.dtype.kind != "f" or np.any(bounds[:, 0] > bounds[:, 1]):
+        raise ValueError(f"the bounds have the shape {bounds.shape}, expected {d} rows (lower, upper)")
+    return np.ascontiguousarray(bounds.T)
+
+
+def _named(header: Mapping[str, Any]) -> dict[str, Any]:
     """Return those fields of the surrogate that stand in the header under their own names."""
-    return {name: header[name] for name in _PLAIN} | {name: tuple(header[name]) for name in _TUPLES}
+    values = {name: header[name] for name in _PLAIN}
+    for name, value in values.items():
+        if type(value) not in _PLAIN[name]:
+            raise TypeError(f"{name} is a {type(value).__name__}")
+    for name in _TUPLES:
+        if not isinstance(header[name], list) or not all(isinstance(item, str) for item in header[name]):
+            raise TypeError(f"{name} is no list of texts")
+        values[name] = tuple(header[name])
+    return values
 
 
 def _plain(value: object) -> object:
@@ -145,14 +147,3 @@ def _plain(value: object) -> object:
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     raise TypeError(f"{value!r} cannot be saved")
-
-
-def _write(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
-    """Add an entry without the time of writing."""
-    archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
-
-
-def _array(content: bytes) -> NDArray[Any]:
-    """Read an array; one that holds objects is refused."""
-    array: NDArray[Any] = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
-    return array

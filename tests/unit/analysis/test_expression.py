@@ -60,7 +60,9 @@ def test_a_formula_has_the_value_of_its_arithmetic(text, value):
         ("v +", "a formula"),
         ("", "a formula"),
         ("v\0", "a formula"),
-        ("v + " * 400 + "v", "characters"),
+        ("v + " * 6000 + "v", "characters"),
+        ("v+" * 9000 + "v", "fewer terms"),
+        ("v[0]+" * 1000 + "v", "numbers, names"),
         ("-" * 200 + "v", "nested"),
     ],
 )
@@ -73,6 +75,26 @@ def test_all_else_is_refused_with_the_place(text, told):
 def test_brackets_too_deep_for_the_parser_are_refused():
     with pytest.raises(StudyError, match="a formula"):
         parse_expression("(" * 400 + "v" + ")" * 400, NAMES)
+
+
+@pytest.mark.parametrize("n_terms", [62, 500, 1500])
+def test_a_long_sum_is_not_deep(n_terms):
+    v, w = np.array([0.5, 2.0]), np.array([0.25, 4.0])
+    e = parse_expression("+".join(["v", "w"] * (n_terms // 2)) + "-v*w*w*2/w", NAMES)
+    value, partials = e.value_and_partials({"v": v, "w": w})
+    assert_array_equal(value, n_terms // 2 * (v + w) - v * w * 2)
+    assert_allclose(partials, np.stack([n_terms // 2 - 2 * w, n_terms // 2 - 2 * v], axis=1))
+
+
+def test_a_long_sum_may_stand_in_a_constraint():
+    (condition,) = parse_constraint("v" + " + w" * 500 + " <= abs(v) + 1", NAMES)
+    assert condition.margin({"v": 1.0, "w": 0.5})[0] == 2.0 - 251.0
+
+
+def test_depth_counts_brackets_and_not_terms():
+    assert parse_expression("(" * 50 + "v" + "+w)" * 50, NAMES)({"v": 1.0, "w": 1.0})[0] == 51.0
+    with pytest.raises(StudyError, match="nested"):
+        parse_expression("v" + "-(w" * 61 + ")" * 61, NAMES)
 
 
 def test_undefined_values_are_nan_and_do_not_warn():

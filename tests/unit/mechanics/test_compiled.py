@@ -83,3 +83,37 @@ def test_a_kernel_is_compiled_again_once_the_digest_differs(tmp_path):
         return int(done.stdout)
 
     assert [hits("one"), hits("one"), hits("two"), hits("two")] == [0, 1, 0, 1]
+
+
+@pytest.fixture
+def _said_anew():
+    """Let what is said once be said again."""
+    compiled._say_uncached.cache_clear()
+    yield
+    compiled._say_uncached.cache_clear()
+
+
+@pytest.mark.usefixtures("_said_anew")
+def test_without_a_folder_to_write_kernels_are_compiled_and_not_kept(monkeypatch, caplog):
+    # What Numba does for a user without a home, where the package cannot be written either.
+    monkeypatch.setattr("numba.core.caching.CacheImpl._locator_classes", [])
+    doubled = compiled.njit(lambda x: 2 * x)
+    tripled = compiled.njit(lambda x: 3 * x)
+    assert (doubled(2.0), tripled(2.0)) == (4.0, 6.0)
+    assert [record.message.count("not kept") for record in caplog.records] == [1]
+
+
+@pytest.mark.usefixtures("_said_anew")
+def test_a_full_disk_keeps_no_kernel_and_stops_nothing(monkeypatch, caplog):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    doubled = compiled.njit(_doubled)
+    monkeypatch.setattr(doubled._cache, "save_overload", compiled._forgiving(full))
+    monkeypatch.setattr(doubled._cache, "load_overload", lambda *_: None)
+    assert doubled(2.0) == 4.0
+    assert "no space left on device" in caplog.text
+
+
+def _doubled(x):
+    return 2 * x

@@ -9,8 +9,9 @@ import pytest
 
 from tensegra.mechanics import solve_path
 from tensegra.report import figures
+from tensegra.report.figures.panels import MOST_PANELS, choose_panels
 from tensegra.structure import library
-from tensegra.study import select
+from tensegra.study import parse_study, select
 
 
 def texts_in(drawing):
@@ -131,3 +132,67 @@ def test_legends_stay_inside_their_figures(drawings):
             box = legend.get_window_extent()
             assert box.x0 >= 0, name
             assert box.x1 <= drawing.bbox.x1, name
+
+
+def many(n_variables, n_outputs, n_runs=64):
+    """Return a study of many variables and outputs, with runs that depend on few of them."""
+    content = {
+        "structure": "library:paper_beam",
+        "variables": {
+            f"x{i}": {"rest_length": f"c{i + 1}", "distribution": {"uniform": [60.0, 70.0]}}
+            for i in range(n_variables)
+        },
+        "outputs": {f"y{k}": {"tension": f"c{k % 32 + 1}"} for k in range(n_outputs)},
+        "design": {"sampler": "sobol", "sizes": n_runs},
+        "analyses": [{"propagation": {"model": "truth", "samples": 8, "outputs": [f"y{n_outputs - 1}"]}}],
+    }
+    study = parse_study(content)
+    X = np.random.default_rng(0).uniform(60.0, 70.0, (n_runs, n_variables))
+    # Only the last two variables matter, and the first output is the same everywhere.
+    Y = np.outer(X[:, -1] + 0.8 * X[:, -2], np.arange(n_outputs))
+    frame = pd.DataFrame(np.hstack([X, Y]), columns=[*study.input_names, *study.output_names])
+    return study, frame.assign(status="stable")
+
+
+def test_a_figure_shows_a_bounded_number_of_what_matters():
+    study, frame = many(28, 200)
+    panels = choose_panels(study, frame)
+    assert {"x26", "x27"} < set(panels.variables)
+    assert len(panels.variables) == len(panels.outputs) == MOST_PANELS
+    assert panels.outputs[-1] == "y199"  # the one that an analysis names
+    assert panels.constant == ("y0",)
+    told = " ".join(panels.notes)
+    assert "Of 28 variables the figures show the 6 on which the outputs depend most" in told
+    assert "Of 199 outputs the figures show 6" in told
+    assert "does not vary: y0" in told
+    drawn = panels.of(study)
+    assert len(figures.design_figure(drawn, frame).axes) == 21
+    assert len(figures.output_figure(drawn, frame).axes) == 36
+
+
+def test_of_few_all_are_shown_and_nothing_is_said():
+    study, frame = many(3, 4)
+    panels = choose_panels(study, frame)
+    assert (panels.variables, panels.outputs) == (study.input_names, ("y1", "y2", "y3"))
+    assert panels.notes == ["No figure of what does not vary: y0."]
+
+
+@pytest.mark.parametrize("n", [1, 50, 200])
+def test_figures_of_analyses_have_a_bounded_number_of_panels(n):
+    index = {key: [0.5] * n for key in ("first", "total", "first_half", "total_half")} | {"reason": ""}
+    names = [f"x{i}" for i in range(n)]
+    outputs = {f"y{k}": index for k in range(n)}
+    steps = {f"y{k}": [index, index] for k in range(n)}
+    content = {"input_names": names, "indices": outputs, "convergence": steps, "sizes": [8, 16]}
+    effects = {
+        f"y{k}": {"mu_star": [1.0] * n, "mu_star_half": [0.1] * n, "sigma": [1.0] * n, "unit": ""}
+        for k in range(n)
+    }
+    shown = min(n, MOST_PANELS)
+    assert len(figures.index_figure(content).axes) == shown
+    assert len(figures.index_convergence(content).axes) == shown
+    assert len(figures.screening_figure({"input_names": names, "effects": effects}).axes) == shown
+
+
+def test_a_figure_is_had_as_pdf_too(drawings):
+    assert figures.pdf(drawings["outcome"]).startswith(b"%PDF")

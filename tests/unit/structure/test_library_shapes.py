@@ -13,6 +13,7 @@ from tensegra.errors import ModelError
 from tensegra.mechanics import solve_path
 from tensegra.mechanics.stability import self_stress
 from tensegra.structure import library
+from tensegra.units import is_sane
 
 # Coordinates of size one go through a sine, a rotation and a sum.
 SAME_PLACE = 1e-12
@@ -189,7 +190,12 @@ def test_a_shortened_hoop_lifts_a_levy_dome_evenly():
     assert moved.displacement("z", ["ct"]) > tops[:, 2].max()
 
 
-@given(nx=st.integers(3, 9), ny=st.integers(3, 9), rise=st.floats(-2.0, 2.0), spacing=st.floats(0.2, 5.0))
+@given(
+    nx=st.integers(3, 9),
+    ny=st.integers(3, 9),
+    rise=st.floats(-2.0, 2.0).filter(is_sane),
+    spacing=st.floats(0.2, 5.0),
+)
 @settings(max_examples=30, deadline=None)
 def test_a_saddle_net_is_in_equilibrium_whatever_its_proportions(nx, ny, rise, spacing):
     net = library.grid(nx, ny, spacing, rise, prestress=1.0, cable_stiffness=1e3)

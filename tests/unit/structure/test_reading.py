@@ -162,7 +162,7 @@ def test_a_plain_file_is_read_without_pint(tmp_path, tripod_text):
             "a: !!python/object:os.system 1",
             r"a\.yaml: line 1, column 4: could not determine a constructor",
         ),
-        ("a.yaml", "a: &x [*x]", r"a\.yaml: schema: found nothing, expected 'tensegra/structure/1'"),
+        ("a.yaml", "a: &x [*x]", r"a\.yaml: found a list that holds itself"),
         ("a.yaml", "a: \x00", r"a\.yaml: .*control characters"),
         ("a.yaml", "{a: 1}\n---\n{a: 1}", r"a\.yaml: .*document"),
         ("a.yaml", "{schema: tensegra/structure/2}", r"schema: found 'tensegra/structure/2', expected"),
@@ -184,7 +184,7 @@ def test_aliases_of_aliases_cannot_fill_the_memory(tmp_path):
     path.write_text(
         f"schema: tensegra/structure/1\na0: &a0 [0]\n{layers}nodes: *a59\nmembers: {{}}\n", encoding="utf-8"
     )
-    with pytest.raises(ModelError, match=r"laughs\.yaml: found 'a0', expected one of schema"):
+    with pytest.raises(ModelError, match=r"laughs\.yaml: found more than \d+ values"):
         read_structure(path)
 
 

@@ -111,7 +111,7 @@ REFUSALS = {
     "actuator of no member": (
         "[K1, K2]",
         "[K1, K20]",
-        "actuators.A1.members[1]: found 'K20', expected the id of a member; did you mean 'K2'?",
+        "actuators.A1.members[1]: found 'K20', expected the id of a member or of a group; did you mean 'K2'?",
     ),
     "actuator of one member twice": (
         "[K1, K2]",
@@ -258,8 +258,16 @@ REFUSALS = {
     ),
     "change of no member": (
         "{K1: -0.0255}",
-        "{top: -0.0255}",
-        "stages[0].rest_length_changes: found 'top', expected the id of a member",
+        "{tip: -0.0255}",
+        "stages[0].rest_length_changes: found 'tip', expected the id of a member or of a group",
+    ),
+    "rest length of a stage in other units": (
+        "{K1: 225}",
+        "{K1: 225e9}",
+        (
+            "stages[1].rest_lengths.K1: found 225000000000.0, "
+            "expected a length within a factor of 1e+06 of 230, the rest length that the member begins with"
+        ),
     ),
     "rest length of a stage": (
         "{K1: 225}",

@@ -1,4 +1,5 @@
 from itertools import pairwise
+from math import dist
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -16,11 +17,12 @@ from tensegra.structure import (
     read_structure,
     write_structure,
 )
+from tensegra.units import LARGEST, SMALLEST, is_sane
 
 SUFFIXES = (".yaml", ".yml", ".json")
 
-positive = st.floats(1e-300, 1e300)
-factors = st.floats(-1e12, 1e12)
+positive = st.floats(SMALLEST, LARGEST)
+factors = st.floats(-1e12, 1e12).filter(is_sane)
 vectors = st.tuples(factors, factors, factors)
 # Texts that YAML could take for something else come up often enough to be found.
 awkward = st.sampled_from(
@@ -36,7 +38,11 @@ def structures(draw):
     positions = draw(st.lists(vectors, min_size=len(nodes), max_size=len(nodes), unique=True))
     materials = draw(
         st.dictionaries(
-            names, st.builds(Material, positive, st.floats(0, 1e9), st.floats(-1e-6, 1e-6)), min_size=1
+            names,
+            st.builds(
+                Material, positive, st.floats(0, 1e9).filter(is_sane), st.floats(-1e-6, 1e-6).filter(is_sane)
+            ),
+            min_size=1,
         )
     )
     paths = [*pairwise(nodes), tuple(nodes)]
@@ -52,16 +58,22 @@ def structures(draw):
         )
         if kind == "strut" and "material" in section:
             section["section_inertia"] = draw(st.none() | positive)
+        along = sum(dist(*ends) for ends in pairwise(positions[nodes.index(node)] for node in path))
+        rest_length = along * draw(st.floats(0.01, 100.0))
         members[member_id] = Member(
-            kind, path, draw(positive), groups=draw(groups), strength=draw(st.none() | positive), **section
+            kind, path, rest_length, groups=draw(groups), strength=draw(st.none() | positive), **section
         )
-    member_numbers = st.dictionaries(st.sampled_from(ids), positive, max_size=2)
+    begins_with = {member_id: member.rest_length for member_id, member in members.items()}
+    changed = draw(st.lists(st.sampled_from(ids), max_size=2, unique=True))
+    member_numbers = st.fixed_dictionaries(
+        {member_id: st.floats(0.01, 100.0).map(begins_with[member_id].__mul__) for member_id in changed}
+    )
     stage = st.builds(
         Stage,
         name=names,
         rest_lengths=member_numbers,
         loads=st.dictionaries(st.sampled_from(nodes), vectors, max_size=2),
-        temperatures=st.dictionaries(st.sampled_from(ids), st.floats(-100, 100), max_size=2),
+        temperatures=st.dictionaries(st.sampled_from(ids), st.floats(-100, 100).filter(is_sane), max_size=2),
         positions=st.just({nodes[0]: draw(vectors)}),
         gravity=st.none() | vectors,
     )

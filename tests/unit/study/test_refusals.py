@@ -137,7 +137,7 @@ ROUNDING = 1e-9
         (
             "structure",
             "library:paper_baem",
-            "found 'paper_baem', expected a built-in structure; did you mean",
+            "did you mean 'paper_beam'",
         ),
         ("structure", "none.yaml", "none.yaml"),
         ("structure", 3, "structure"),

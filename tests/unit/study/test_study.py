@@ -142,7 +142,7 @@ def test_points_come_from_a_file(tmp_path, content, suffix):
         ("A14,A23\n0.095,x\n", "column 'A23', row 1: found nan"),
         ("A14,B\n0.095,0.08\n", "expected a column 'A23' in points.csv"),
         ("A14,A23\n", "points.csv has no row"),
-        ("", "expected a readable table"),
+        ("", "expected a CSV file"),
     ],
 )
 def test_a_file_of_points_that_cannot_be_is_refused(tmp_path, content, text, message):
@@ -163,8 +163,8 @@ def test_a_file_of_points_that_cannot_be_is_refused(tmp_path, content, text, mes
             "expected one of tensegra/study/1",
         ),
         ("a.yaml", "seed: 1\nseed: 2", "a.yaml: found 'seed', expected each key once"),
-        ("a.yaml", "seed: [1", "a.yaml, line 2"),
-        ("a.json", "{", "a.json, line 1"),
+        ("a.yaml", "seed: [1", "a.yaml: line 2"),
+        ("a.json", "{", "a.json: line 1"),
         ("a.yaml", "- 1", "a.yaml: found [1], expected a mapping"),
         ("a.txt", "", "a.txt: found '.txt', expected a file named"),
     ],

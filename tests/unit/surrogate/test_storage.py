@@ -1,11 +1,15 @@
+import io
 import json
 import zipfile
+from contextlib import suppress
+from hashlib import sha256
 
 import numpy as np
 import pytest
 
 from tensegra.errors import StudyError
-from tensegra.surrogate import fit, load
+from tensegra.surrogate import archive, fit, load
+from tensegra.surrogate.archive import read_entry
 
 
 @pytest.fixture
@@ -14,14 +18,25 @@ def saved(tmp_path):
     return fit((X, X.sum(axis=1)), "pce").save(tmp_path / "sum.tg")
 
 
-def rewritten(path, changes, *, without=()):
-    """Write the same file with some entries replaced or left out."""
+def rewritten(path, changes, *, without=(), summed=True):
+    """Write the same file with some entries replaced or left out, and with the sums that they then have."""
     with zipfile.ZipFile(path) as archive:
         entries = {name: archive.read(name) for name in archive.namelist() if name not in without}
-    with zipfile.ZipFile(path, "w") as archive:
-        for name, content in (entries | changes).items():
+    entries |= {
+        name: content.encode() if isinstance(content, str) else content for name, content in changes.items()
+    }
+    if summed:
+        entries["sums.json"] = json.dumps({n: sha256(c).hexdigest() for n, c in entries.items()}).encode()
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in entries.items():
             archive.writestr(name, content)
     return path
+
+
+def as_entry(array):
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
 
 
 def header(path):
@@ -95,3 +110,79 @@ def test_numpy_options_are_saved_as_plain_numbers(tmp_path):
     X = np.random.default_rng(0).uniform(size=(30, 2))
     surrogate = fit((X, X), "pce", degree=np.int64(2))
     assert load(surrogate.save(tmp_path / "a.tg")).options == {"degree": 2}
+
+
+def loaded(path):
+    """Load a file that something happened to; None if it is refused."""
+    with suppress(StudyError):
+        return load(path)
+    return None
+
+
+def test_a_bit_that_flips_is_noticed_or_does_no_harm(saved):
+    expected = load(saved).predict([[0.25, 0.5]]).tolist()
+    whole = saved.read_bytes()
+    rng = np.random.default_rng(1)
+    refused = 0
+    for place in rng.choice(len(whole), 300, replace=False):
+        flipped = bytearray(whole)
+        flipped[place] ^= 1 << int(rng.integers(8))
+        saved.write_bytes(flipped)
+        surrogate = loaded(saved)
+        refused += surrogate is None
+        assert surrogate is None or surrogate.predict([[0.25, 0.5]]).tolist() == expected
+    assert refused > 100  # the others flip a date or an attribute, which nobody reads
+
+
+def test_a_file_cut_short_is_refused(saved):
+    whole = saved.read_bytes()
+    for length in range(0, len(whole) - 1, 97):
+        saved.write_bytes(whole[:length])
+        with pytest.raises(StudyError, match=r"not a surrogate|damaged"):
+            load(saved)
+
+
+@pytest.mark.parametrize("kind", ["pce", "gpr", "nn"])
+def test_arrays_that_do_not_fit_are_refused(tmp_path, kind):
+    X = np.random.default_rng(0).uniform(size=(30, 2))
+    path = fit((X, X @ [[1.0, 0.5], [2.0, 1.0]]), kind).save(tmp_path / "whole.tg")
+    whole = path.read_bytes()
+    with zipfile.ZipFile(path) as saved:
+        names = [name for name in saved.namelist() if name.startswith("arrays/")]
+        arrays = {name: np.load(io.BytesIO(saved.read(name))) for name in names}
+    for name, array in arrays.items():
+        for wrong in (
+            np.full(array.shape, "a"),
+            array.astype(float) * np.nan,
+            array[..., None, None],
+            array[:1],
+        ):
+            path.write_bytes(whole)
+            rewritten(path, {name: as_entry(wrong)})
+            surrogate = loaded(path)
+            # One that the answer at the middle does not need may pass.
+            assert surrogate is None or surrogate.predict([[0.5, 0.5]]).shape == (1, 2)
+            assert surrogate is None or wrong.dtype.kind != "U"
+            assert surrogate is None or np.isfinite(wrong).all()
+
+
+def test_a_sum_that_differs_is_refused(saved):
+    bounds = as_entry(np.array([[0.0, 2.0], [0.0, 2.0]]))
+    with pytest.raises(StudyError, match="its sum differs"):
+        load(rewritten(saved, {"arrays/bounds.npy": bounds}, summed=False))
+    with pytest.raises(StudyError, match=r"sums\.json"):
+        load(rewritten(saved, {}, without=["sums.json"], summed=False))
+
+
+def test_what_nothing_needs_is_not_unpacked(saved, monkeypatch):
+    read = []
+    monkeypatch.setattr(archive, "read_entry", lambda *given: read.append(given[1]) or read_entry(*given))
+    load(rewritten(saved, {"arrays/bomb.npy": bytes(1000), "arrays/part.model.bomb.npy": bytes(1000)}))
+    assert "arrays/bounds.npy" in read
+    assert not any("bomb" in name for name in read)
+
+
+def test_an_array_that_unpacks_to_too_much_is_refused(saved, monkeypatch):
+    monkeypatch.setattr(archive, "MOST_BYTES", 4000)
+    with pytest.raises(StudyError, match="unpacks to 8192 bytes, expected at most"):
+        load(rewritten(saved, {"arrays/scaling.input_shift.npy": bytes(8192)}))

@@ -23,7 +23,7 @@ from tensegra.report.figures.study import (
     parity_figure,
     selection_figure,
 )
-from tensegra.report.figures.style import WIDTH, svg
+from tensegra.report.figures.style import WIDTH, pdf, svg
 
 __all__ = [
     "WIDTH",
@@ -35,6 +35,7 @@ __all__ = [
     "outcome_figure",
     "output_figure",
     "parity_figure",
+    "pdf",
     "prediction_figure",
     "propagation_figure",
     "robust_figure",

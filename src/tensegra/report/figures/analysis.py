@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tensegra.report.figures.panels import first_shown, strongest
 from tensegra.report.figures.style import COLOURS, GREY, figure, grid, legend_above, styled
 from tensegra.report.tables import labelled
 
@@ -17,13 +18,27 @@ __all__ = ["index_convergence", "index_figure", "propagation_figure", "search_fi
 
 Content = Mapping[str, Any]
 
+MOST_INPUTS = 10
+"""Small panels of inputs that a figure has, in rows of five."""
+
+MOST_BARS = 20
+"""Inputs that a figure has bars for; the others are weaker."""
+
+
+def _strongest_inputs(content: Content, most: int = MOST_BARS) -> list[int]:
+    """Return the numbers of the inputs with the greatest total index for any output, in their order."""
+    totals = [numbers(found["total"]) for found in content["indices"].values() if not found["reason"]]
+    if not totals:
+        return list(range(min(most, len(content["input_names"]))))
+    return strongest(np.nan_to_num(np.array(totals)).max(axis=0), most)
+
 
 @styled
 def propagation_figure(content: Content) -> "Figure":
     """Draw the inputs as drawn, and the histogram and density of each output, of one model or two."""
     random = {name: s for name, s in content["inputs"].items() if s["statistics"]["std"]["value"]}
-    inputs = list(random.values())
-    outputs = list(content["outputs"].values())
+    inputs = list(first_shown(random, MOST_INPUTS).values())
+    outputs = list(first_shown(content["outputs"]).values())
     columns = max(len(outputs), 3)
     input_rows = -(-len(inputs) // 5)
     made = figure(1.45 * input_rows + 2.6 * -(-len(outputs) // columns) + 0.3)
@@ -63,17 +78,19 @@ def propagation_figure(content: Content) -> "Figure":
 @styled
 def index_figure(content: Content) -> "Figure":
     """Draw first-order and total Sobol indices with their intervals, a panel per output."""
-    variables = content["input_names"]
-    made, panels = grid(len(content["indices"]), height=2.5)
+    indices = first_shown(content["indices"])
+    made, panels = grid(len(indices), height=2.5)
+    shown = _strongest_inputs(content)
+    variables = [content["input_names"][i] for i in shown]
     place = np.arange(len(variables))
-    for axes, (output, found) in zip(panels, content["indices"].items(), strict=True):
+    for axes, (output, found) in zip(panels, indices.items(), strict=True):
         for shift, order, colour in ((-0.2, "first", COLOURS[0]), (0.2, "total", COLOURS[3])):
-            heights = numbers(found[order])
+            heights = numbers(found[order])[shown]
             axes.bar(
                 place + shift,
                 heights,
                 0.38,
-                yerr=numbers(found[f"{order}_half"]),
+                yerr=numbers(found[f"{order}_half"])[shown],
                 color=colour,
                 ecolor="#404040",
                 error_kw={"elinewidth": 0.9, "capsize": 2},
@@ -91,16 +108,17 @@ def index_figure(content: Content) -> "Figure":
 @styled
 def index_convergence(content: Content) -> "Figure":
     """Draw the total indices over the number of base points, to see whether they have settled."""
-    made, panels = grid(len(content["convergence"]), height=2.2)
+    convergence = first_shown(content["convergence"])
+    made, panels = grid(len(convergence), height=2.2)
     sizes = np.array(content["sizes"], dtype=float)
-    for axes, (output, steps) in zip(panels, content["convergence"].items(), strict=True):
-        for i, variable in enumerate(content["input_names"]):
+    shown = _strongest_inputs(content, len(COLOURS))
+    for axes, (output, steps) in zip(panels, convergence.items(), strict=True):
+        for colour, i in zip(COLOURS, shown, strict=False):
+            variable = content["input_names"][i]
             total = np.array([numbers(step["total"])[i] for step in steps])
             half = np.array([numbers(step["total_half"])[i] for step in steps])
-            axes.plot(sizes, total, "o-", markersize=3, color=COLOURS[i % len(COLOURS)], label=variable)
-            axes.fill_between(
-                sizes, total - half, total + half, color=COLOURS[i % len(COLOURS)], alpha=0.15, linewidth=0
-            )
+            axes.plot(sizes, total, "o-", markersize=3, color=colour, label=variable)
+            axes.fill_between(sizes, total - half, total + half, color=colour, alpha=0.15, linewidth=0)
         axes.set_xscale("log", base=2)
         axes.set_xticks(sizes[::2] if len(sizes) > 4 else sizes)
         axes.set_title(output)
@@ -150,7 +168,7 @@ def visited_figure(contents: Sequence[Content], traces: "Sequence[pd.DataFrame]"
     """Draw histograms of the objective and of each input over all visited solutions, by method."""
     first = contents[0]
     bounds = dict(zip(first["input_names"], first["bounds"], strict=True))
-    names = [*(name for name, (low, high) in bounds.items() if low < high), "objective"]
+    names = [*[name for name, (low, high) in bounds.items() if low < high][:MOST_INPUTS], "objective"]
     finite = np.concatenate([trace["objective"].to_numpy() for trace in traces])
     finite = finite[np.isfinite(finite)]
     bounds["objective"] = [finite.min(), finite.max()] if len(finite) else [0.0, 1.0]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensegra.report.figures.analysis import histogram, numbers
+from tensegra.report.figures.panels import MOST_PANELS, first_shown, strongest
 from tensegra.report.figures.style import COLOURS, GREY, WIDTH, figure, grid, legend_above, styled
 from tensegra.report.tables import labelled
 
@@ -32,8 +33,9 @@ MOST_BARS = 20
 def screening_figure(content: Content) -> "Figure":
     """Draw the mean magnitude of the elementary effects, the strongest inputs first, with their spread."""
     shown = min(len(content["input_names"]), MOST_BARS)
-    made, panels = grid(len(content["effects"]), height=1.2 + 0.2 * shown)
-    for axes, (output, found) in zip(panels, content["effects"].items(), strict=True):
+    effects = first_shown(content["effects"])
+    made, panels = grid(len(effects), height=1.2 + 0.2 * shown)
+    for axes, (output, found) in zip(panels, effects.items(), strict=True):
         strength, half, spread = (numbers(found[key]) for key in ("mu_star", "mu_star_half", "sigma"))
         order = np.argsort(-np.nan_to_num(strength), kind="stable")[:shown][::-1]
         place = np.arange(len(order))
@@ -61,6 +63,7 @@ def screening_figure(content: Content) -> "Figure":
 def robust_figure(content: Content) -> "Figure":
     """Draw what comes of the robust and of the nominal design: the objective and each constraint's margin."""
     names = [content["formula"], *(f"margin of {constraint}" for constraint in content["constraints"])]
+    names = names[:MOST_PANELS]
     made, panels = grid(len(names), height=2.5)
     for axes, name in zip(panels, names, strict=True):
         for colour, design in zip(COLOURS, ("robust", "nominal"), strict=False):
@@ -82,11 +85,15 @@ def robust_figure(content: Content) -> "Figure":
 @styled
 def trajectory_figure(content: Content) -> "Figure":
     """Draw the inputs along the trajectory, and how far each output is from its targets and may be."""
-    units, inputs, outputs = content["units"], content["input_names"], content["target_names"]
+    units, inputs = content["units"], content["input_names"]
+    outputs = content["target_names"][:MOST_PANELS]
     made, panels = grid(1 + len(outputs), height=2.5)
     steps = np.arange(1, len(content["x"]) + 1)
     X = np.array(content["x"], dtype=float)
-    for i, name in enumerate(inputs):
+    # Those that move most, of the widths of their ways.
+    shown = strongest(np.ptp(X, axis=0) / np.maximum(np.abs(X).max(axis=0), 1e-300), len(COLOURS))
+    for i in shown:
+        name = inputs[i]
         axes_label = labelled(name, units.get(name, ""))
         panels[0].plot(
             steps, X[:, i], "o-", markersize=3.5, color=COLOURS[i % len(COLOURS)], label=axes_label
@@ -116,7 +123,7 @@ def trajectory_figure(content: Content) -> "Figure":
 @styled
 def marginal_figure(content: Content) -> "Figure":
     """Draw prior and posterior of each parameter, and below the pairs of parameters."""
-    parameters, units = content["parameters"], content["units"]
+    parameters, units = content["parameters"][:MOST_PANELS], content["units"]
     draws, prior = np.array(content["draws"], dtype=float), np.array(content["prior_draws"], dtype=float)
     p = len(parameters)
     pairs = [(i, j) for j in range(p) for i in range(j)][:6]
@@ -149,9 +156,10 @@ def marginal_figure(content: Content) -> "Figure":
 def fit_figure(content: Content) -> "Figure":
     """Draw how far the measurements lie from what the posterior predicts, and how far they may."""
     found, units = content["prediction"], content["units"]
-    made, panels = grid(len(found["outputs"]), height=2.4)
+    outputs = found["outputs"][:MOST_PANELS]
+    made, panels = grid(len(outputs), height=2.4)
     along, label = _abscissa(found, units)
-    for k, (axes, output) in enumerate(zip(panels, found["outputs"], strict=True)):
+    for k, (axes, output) in enumerate(zip(panels, outputs, strict=True)):
         mean, stds = _column(found["mean"], k), _column(found["stds"], k)
         low, high, measured = (_column(found[key], k) - mean for key in ("low", "high", "measured"))
         share = f"{100 * content['confidence']:.0f} % interval of a new measurement"
@@ -183,8 +191,9 @@ def fit_figure(content: Content) -> "Figure":
 def prediction_figure(contents: Sequence[Content]) -> "Figure":
     """Draw the outputs predicted from the prior and from the posterior."""
     prior, posterior = contents
-    made, panels = grid(len(posterior["outputs"]), height=2.3)
-    for axes, (name, summary) in zip(panels, posterior["outputs"].items(), strict=True):
+    outputs = first_shown(posterior["outputs"])
+    made, panels = grid(len(outputs), height=2.3)
+    for axes, (name, summary) in zip(panels, outputs.items(), strict=True):
         histogram(axes, prior["outputs"][name], GREY, filled=True, label="from the prior")
         histogram(axes, summary, COLOURS[0], filled=True, label="from the posterior")
         centre, std = (prior["outputs"][name]["statistics"][key]["value"] for key in ("mean", "std"))

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tensegra.report.figures.panels import MOST_PANELS
 from tensegra.report.figures.style import (
     COLOURS,
     GREY,
@@ -22,6 +23,8 @@ from tensegra.study.selection import NO_GROUP
 from tensegra.surrogate.validation import HALF_WIDTH_90
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -174,9 +177,13 @@ def selection_figure(study: Study, frame: "pd.DataFrame", selection: Selection) 
 
 
 @styled
-def parity_figure(surrogate: "Surrogate", held_out: "pd.DataFrame") -> "Figure":
+def parity_figure(
+    surrogate: "Surrogate", held_out: "pd.DataFrame", outputs: "Sequence[str] | None" = None
+) -> "Figure":
     """Draw predicted over true outputs of the held-out runs, and below the error with its 90 % interval."""
-    names, units = surrogate.output_names, surrogate.output_units
+    unit_of = dict(zip(surrogate.output_names, surrogate.output_units, strict=True))
+    names = list(outputs or surrogate.output_names)[:MOST_PANELS]
+    units = [unit_of[name] for name in names]
     n = len(names)
     made = figure(4.4, min(WIDTH, 2.5 * n + 0.6))
     for k, (name, unit) in enumerate(zip(names, units, strict=True)):

@@ -13,7 +13,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["COLOURS", "GREY", "STATUS_COLOURS", "YELLOW", "figure", "grid", "legend_above", "styled", "svg"]
+__all__ = [
+    "COLOURS",
+    "GREY",
+    "STATUS_COLOURS",
+    "YELLOW",
+    "figure",
+    "grid",
+    "legend_above",
+    "pdf",
+    "styled",
+    "svg",
+]
 
 P = ParamSpec("P")
 
@@ -122,9 +133,18 @@ def _legend_width(labels: "Sequence[str]", columns: int) -> float:
 
 def svg(made: "Figure") -> bytes:
     """Return a figure as SVG; the same figure gives the same bytes."""
+    return _saved(made, "svg", {"Date": None, "Creator": None})
+
+
+def pdf(made: "Figure") -> bytes:
+    """Return a figure as PDF; the same figure gives the same bytes."""
+    return _saved(made, "pdf", {"CreationDate": None, "Creator": None, "Producer": None})
+
+
+def _saved(made: "Figure", form: str, metadata: dict[str, Any]) -> bytes:
     from matplotlib import rc_context
 
     buffer = BytesIO()
     with rc_context({"svg.hashsalt": _STYLE["svg.hashsalt"], "savefig.dpi": _STYLE["savefig.dpi"]}):
-        made.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        made.savefig(buffer, format=form, metadata=metadata)
     return buffer.getvalue()

@@ -1,0 +1,22 @@
+"""Helpers of the fuzzers are modules beside them; every example has a limit of time."""
+
+import faulthandler
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+LAST_RESORT = 300.0
+"""Seconds after which a call that no signal can interrupt ends the process, with a traceback."""
+
+
+@pytest.fixture(autouse=True)
+def _last_resort():
+    """Let nothing hang for ever: compiled code does not look at signals."""
+    before = signal.getsignal(signal.SIGALRM)
+    yield
+    signal.signal(signal.SIGALRM, before)
+    faulthandler.cancel_dump_traceback_later()

@@ -1,0 +1,147 @@
+"""Whatever a file holds, a command ends in exit 0, 1 or 2, with one line where it is refused, and in time."""
+
+import contextlib
+import faulthandler
+import io
+import json
+import os
+import signal
+import tempfile
+from pathlib import Path
+
+import hostile
+import pytest
+from conftest import LAST_RESORT
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tensegra import cli
+
+LIMIT = 30
+"""Seconds for one file; the slowest takes less than one, a machine that is busy ten times as much."""
+
+FEW, MANY = 60, 10_000
+"""Examples in the plain suite and in the slow one, for each way to spoil a file."""
+
+
+class TooSlowError(BaseException):
+    """Not caught by anything that looks for errors of a file."""
+
+
+def _stop(*_):
+    raise TooSlowError
+
+
+def answer(*arguments):
+    """Run a command within the limit of time; return its exit code, stdout and stderr."""
+    out, err = io.StringIO(), io.StringIO()
+    faulthandler.dump_traceback_later(LAST_RESORT, exit=True)
+    signal.signal(signal.SIGALRM, _stop)
+    signal.alarm(LIMIT)
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            cli.main([*map(str, arguments)])
+    except TooSlowError:
+        raise AssertionError(f"more than {LIMIT} s") from None
+    except SystemExit as left:
+        return left.code or 0, out.getvalue(), err.getvalue()
+    finally:
+        signal.alarm(0)
+    raise AssertionError("it has not left")
+
+
+def ends_well(code, out, err):
+    """Whether a command ended as it should."""
+    if code == 2:
+        return out == "" and err.startswith("tensegra: error: ") and err.count("\n") == 1
+    return code in {0, 1} and "Traceback" not in err
+
+
+def try_file(name, text, *commands):
+    """Run commands on a file, alone in a folder; nothing may appear outside it."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        os.mkdir("inner")  # noqa: PTH102 - as short as its neighbours
+        with contextlib.chdir("inner"):
+            Path(name).write_text(text, encoding="utf-8", errors="surrogatepass")
+            for command, *options in commands:
+                ended = answer(command, name, *options)
+                assert ends_well(*ended), (command, ended, text)
+        assert os.listdir(".") == ["inner"]  # noqa: PTH208 - names, as they are
+
+
+def fuzzed(n_examples):
+    """Return the settings of a fuzzer; the limit of time is ours, for the machine may be busy."""
+    return settings(
+        max_examples=n_examples,
+        deadline=None,
+        suppress_health_check=[*HealthCheck],
+        derandomize=n_examples == FEW,
+        database=None,
+    )
+
+
+STRUCTURE = (["check", "--json"], ["solve", "-a", "A=0.02"])
+STUDY = (["check", "--json"], ["design", "-o", "x.csv"])
+RUN = (["check"], ["run", "-o", "c", "--json"], ["status", "--json"])
+
+CASES = {
+    "structures by their schema": (hostile.structures, STRUCTURE),
+    "studies by their schema": (hostile.studies, STUDY),
+    "structures with some values spoilt": (hostile.spoilt(hostile.STRUCTURE), STRUCTURE),
+    "studies with some values spoilt": (hostile.spoilt(hostile.STUDY), STUDY),
+}
+TEXTS = {
+    "texts of structures": (hostile.spoilt_texts(hostile.STRUCTURE), STRUCTURE[:1]),
+    "texts of studies": (hostile.spoilt_texts(hostile.STUDY), STUDY[:1]),
+}
+
+
+def as_text(content):
+    return content if isinstance(content, str) else json.dumps(content)
+
+
+def fuzz(case, n_examples):
+    strategy, commands = (CASES | TEXTS)[case]
+
+    @fuzzed(n_examples)
+    @given(strategy, st.sampled_from([".json", ".yaml"]))
+    def every_file_ends_well(content, suffix):
+        try_file(f"file{suffix}", as_text(content), *commands)
+
+    every_file_ends_well()
+
+
+def test_the_files_that_are_spoilt_are_sound_themselves():
+    try_file("a.json", json.dumps(hostile.STRUCTURE), *STRUCTURE)
+    for content, commands in ((hostile.STRUCTURE, STRUCTURE), (hostile.STUDY, STUDY)):
+        with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+            Path("a.json").write_text(json.dumps(content), encoding="utf-8")
+            assert [answer(command, "a.json", *options)[0] for command, *options in commands] == [0, 0]
+
+
+@pytest.mark.parametrize("case", [*CASES, *TEXTS])
+def test_some_files_end_well(case):
+    fuzz(case, FEW)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [*CASES, *TEXTS])
+def test_many_files_end_well(case):
+    fuzz(case, MANY)
+
+
+@pytest.mark.slow
+def test_runs_of_spoilt_studies_end_well():
+    @fuzzed(300)
+    @given(hostile.spoilt(hostile.STUDY))
+    def every_run_ends_well(content):
+        try_file("study.json", json.dumps(content), RUN[0])
+        with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+            Path("study.json").write_text(json.dumps(content), encoding="utf-8")
+            code, _, err = answer("run", "study.json", "-o", "c", "--json")
+            assert code in {0, 1} or err.splitlines()[-1].startswith("tensegra: error: "), content
+            if Path("c/manifest.json").exists():
+                assert answer("status", "c", "--json")[0] == 0
+                assert answer("report", "c")[0] in {0, 2}
+
+    every_run_ends_well()
