@@ -178,7 +178,7 @@ class SurrogateModel:
     name
         The name that results carry; the surrogate's kind unless given.
     space
-        The joint law of the inputs, which a surrogate does not remember.
+        The joint law of the inputs; the one that the surrogate was trained under unless given.
     counts
         Outputs that count, so that only whole numbers can be equal.
     """
@@ -191,6 +191,8 @@ class SurrogateModel:
     def __post_init__(self) -> None:
         if not self.name:
             object.__setattr__(self, "name", str(getattr(self.surrogate, "kind", "surrogate")))
+        if self.space is None:
+            object.__setattr__(self, "space", getattr(self.surrogate, "space", None))
 
     @property
     def input_names(self) -> tuple[str, ...]:

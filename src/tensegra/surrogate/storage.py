@@ -1,7 +1,7 @@
 """Saving and loading: one file, without pickle, so that reading one never runs anything.
 
-The file is a zip of ``surrogate.json`` (format, kind, names, units, seed, options, validation, the study's
-hash) and one ``arrays/NAME.npy`` for each array. The same surrogate always gives the same bytes.
+The file is a zip of ``surrogate.json`` (format, kind, names, units, joint law, seed, options, validation, the
+study's hash) and one ``arrays/NAME.npy`` for each array. The same surrogate always gives the same bytes.
 """
 
 import io
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.errors import StudyError
+from tensegra.surrogate.jointlaw import read_joint_law, written_joint_law
 from tensegra.surrogate.kinds import kind_of
 from tensegra.surrogate.problem import Scaling
 from tensegra.surrogate.surrogate import Surrogate
@@ -22,7 +23,7 @@ from tensegra.surrogate.validation import Validation
 
 __all__ = ["FORMAT", "load", "save"]
 
-FORMAT = "tensegra/surrogate/1"
+FORMAT = "tensegra/surrogate/2"
 _HEADER = "surrogate.json"
 _PLAIN = ("kind", "n_train", "seconds", "seed", "study_fingerprint")
 _TUPLES = ("input_names", "output_names", "input_units", "output_units")
@@ -53,6 +54,7 @@ def save(surrogate: Surrogate, path: str | Path) -> Path:
     header |= {
         "options": dict(surrogate.options),
         "validation": None if surrogate.validation is None else surrogate.validation.to_dict(),
+        "joint_law": None if surrogate.space is None else written_joint_law(surrogate.space),
         "model": settings,
     }
     partial = path.with_name(f".{path.name}.{os.getpid()}")
@@ -128,6 +130,7 @@ def _build(header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Surrogate
     return Surrogate(
         **_named(header),
         options=header["options"],
+        space=None if header["joint_law"] is None else read_joint_law(header["joint_law"]),
         validation=None if validation is None else Validation.from_dict(validation),
         bounds=arrays["bounds"],
         scaling=Scaling(**{name: arrays[f"scaling.{name}"] for name in _SCALING}),
