@@ -124,7 +124,11 @@ def chaos_indices(
 
 def _no_shares(n_outputs: int, d: int) -> tuple[Array, ...]:
     """Return what `_shares` does, without a number in it."""
-    return np.full((n_outputs, d), np.nan), np.full((n_outputs, d), np.nan), np.full((n_outputs, d, d), np.nan)
+    return (
+        np.full((n_outputs, d), np.nan),
+        np.full((n_outputs, d), np.nan),
+        np.full((n_outputs, d, d), np.nan),
+    )
 
 
 def _shares(surrogate: Any) -> tuple[Array, ...]:  # noqa: ANN401 - a Surrogate of kind pce

@@ -28,11 +28,9 @@ def joint_moments(surrogate: "Surrogate") -> tuple[Array, Array]:
     space = surrogate.space
     assert space is not None  # noqa: S101 - the caller has looked
     sampler = qmc.Sobol(space.n_inputs, rng=np.random.default_rng(SEED))
-    parts = []
     with warnings.catch_warnings():
         # A law without ends passes its box twice in a million points.
         warnings.simplefilter("ignore", OutsideBoxWarning)
-        for _ in range(POINTS // CHUNK):
-            parts.append(surrogate.predict(space.from_unit(sampler.random(CHUNK))))
+        parts = [surrogate.predict(space.from_unit(sampler.random(CHUNK))) for _ in range(POINTS // CHUNK)]
     Y = np.concatenate(parts)
     return Y.mean(axis=0), Y.std(axis=0)
