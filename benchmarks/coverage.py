@@ -1,11 +1,11 @@
-"""How often do the 95 % intervals of a propagation hold the truth?
+"""How often the 95 % intervals of a propagation hold the truth.
 
     python benchmarks/coverage.py [--repeats 200]
 
-Smooth, lognormal and counted outputs of three random inputs, by Monte Carlo and by randomised quasi-Monte Carlo.
-Every truth is a closed form. Printed is the share of repeats (each of its own seed) in which the interval held;
-91 to 99 % of 200 repeats are what an interval of 95 % may show. An output that counts has no quantile between
-two numbers, so its interval holds more often.
+Smooth, lognormal and counted outputs of three random inputs, by Monte Carlo and by randomised quasi-Monte
+Carlo. Every truth is a closed form. Printed is the share of repeats (each of its own seed) in which the
+interval held; 91 to 99 % of 200 repeats are what an interval of 95 % may show. An output that counts has no
+quantile between two numbers, so its interval holds more often.
 """
 
 import argparse
@@ -39,7 +39,7 @@ def counted(n_samples: int) -> Iterator[Case]:
             limit = stats.norm.isf(share) * np.sqrt(3)
             yield Case(f"happens, {events}", lambda X, t=limit: X.sum(axis=1) > t, stats.bernoulli(share))
             edge = stats.norm.isf(share / 3)
-            yield Case(f"counts, {events}", lambda X, t=edge: (X > t).sum(axis=1), stats.binom(3, share / 3))
+            yield Case(f"counts, {events}", lambda X, t=edge: (t < X).sum(axis=1), stats.binom(3, share / 3))
 
 
 SMOOTH = (

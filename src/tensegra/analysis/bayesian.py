@@ -164,7 +164,7 @@ class BayesianOptimiser:
         return np.asarray(self.problem.from_unit(z[None])[0])
 
     def _snapped(self, Z: Array) -> Array:
-        """Move points (n, d) to the values of the discrete inputs, and those that are held to where they are."""
+        """Move points (n, d) to the values of discrete inputs, and of inputs that are held."""
         return np.asarray(np.where(self.problem.fixed, 0.0, self.problem.levels.snap(Z)))
 
     def _assess(self, X: Array, outputs: Array) -> tuple[Array, Array]:

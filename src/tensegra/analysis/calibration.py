@@ -5,9 +5,9 @@ With measured values y of standard deviations σ, and a model f, the posterior o
     p(θ | y) ∝ p(θ) · exp(−½ Σ ((f(θ) − y)/s)²),   s² = σ² + the surrogate's own variance,
 
 taken at the mode. It is drawn from by populations of particles (`tensegra.analysis.tempering`) in the normal
-space of the prior (`tensegra.analysis.priors`), with the model's exact derivatives. They start about the modes
-that least squares finds from several points, and all over the prior, so that several peaks and curved ridges
-are found and weighted. What the posterior predicts is set beside every measurement.
+space of the prior (`tensegra.analysis.priors`), with the model's exact derivatives. They start about the
+modes that least squares finds from several points, and all over the prior, so that several peaks and curved
+ridges are found and weighted. What the posterior predicts is set beside every measurement.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,13 +30,13 @@ Array = NDArray[np.float64]
 
 # Points that least squares starts from: the prior's middle and some draws of it.
 N_STARTS = 12
-# A mode whose density is below exp(−20) of the best holds nothing of the posterior; and more of them than this
-# are the points of one ridge.
+# A mode whose density is below exp(−20) of the best holds nothing of the posterior; and more of them than
+# this are the points of one ridge.
 NEGLIGIBLE, MOST_MODES = 20.0, 6
 # Two ends of least squares this near to each other, in standard deviations of the prior, are one mode.
 SAME_MODE = 1e-3
-# A posterior lies at an end of its prior where more than this share of it is in the last hundredth of the prior
-# there, and outside a box where more than this share of it is, rounding apart.
+# A posterior lies at an end of its prior where more than this share of it is in the last hundredth of the
+# prior there, and outside a box where more than this share of it is, rounding apart.
 END, AT_THE_END = 0.01, 0.5
 OUTSIDE, BOX_SLACK = 0.01, 1e-9
 # Draws of the prior and the posterior that are kept for the figures, and those that predictions are made of.
@@ -298,7 +298,7 @@ class _Draft:
 
 
 def _notes(posterior: _Posterior, theta: Array, chains: Populations, prior_draws: Array) -> tuple[str, ...]:
-    """Say, by the parameter's name, where a posterior lies at the end of its prior or outside the model's box."""
+    """Say by its name which parameter lies at the end of its prior or outside the model's box."""
     model, told = posterior.model, []
     if not chains.complete:
         told.append(

@@ -24,7 +24,8 @@ from tensegra.errors import StudyError
 
 Array = NDArray[np.float64]
 
-# Laws are compared at these probabilities, and are one where their quantiles agree to this share of the range.
+# Laws are compared at these probabilities, and are one where their quantiles agree to this share of the
+# range.
 LEVELS = np.linspace(0.01, 0.99, 15)
 SAME_LAW = 1e-6
 CORRELATED = "the inputs are correlated: no share of the variance belongs to one of them alone"

@@ -1,9 +1,9 @@
 """The one door to SciPy's compiled optimisers.
 
-They read the memory that a callback returns as it lies there: SciPy's SLSQP takes the entries of a gradient one
-after the other whatever its strides, and a search then follows numbers that are not its gradient. So whatever
-goes through here is a contiguous array of float64. No other module of this folder imports the optimisers (a
-test sees to it).
+They read the memory that a callback returns as it lies there: SciPy's SLSQP takes the entries of a gradient
+one after the other whatever its strides, and a search then follows numbers that are not its gradient. So
+whatever goes through here is a contiguous array of float64. No other module of this folder imports the
+optimisers (a test sees to it).
 """
 
 from collections.abc import Callable, Mapping, Sequence

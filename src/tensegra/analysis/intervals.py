@@ -1,15 +1,15 @@
 """Confidence intervals of statistics, for two kinds of sample.
 
 Independent (Monte-Carlo) samples: a mean's interval is Student's after Hall's transformation, which takes the
-skewness out of the t-statistic (Hall 1992, *Journal of the Royal Statistical Society* B 54, 221-228). The degrees
-of freedom are those of an estimated variance (Satterthwaite), so that heavy tails widen it. A standard deviation
-is the root of a mean, that of the squared deviations. Quantiles lie between order statistics, free of any
-assumption on the distribution; a probability has an exact interval.
+skewness out of the t-statistic (Hall 1992, *Journal of the Royal Statistical Society* B 54, 221-228). The
+degrees of freedom are those of an estimated variance (Satterthwaite), so that heavy tails widen it. A
+standard deviation is the root of a mean, that of the squared deviations. Quantiles lie between order
+statistics, free of any assumption on the distribution; a probability has an exact interval.
 
 Quasi-random samples are not independent of each other. They come in independently randomised replicates, and
-the same interval is taken of the replicates' values (Owen, *Monte Carlo theory, methods and examples*, ch. 17).
-Their variance has the divisor n, for its error is far below 1/n. Where all replicates agree they still do not
-know what they have not seen, and the interval keeps the width of that.
+the same interval is taken of the replicates' values (Owen, *Monte Carlo theory, methods and examples*, ch.
+17). Their variance has the divisor n, for its error is far below 1/n. Where all replicates agree they still
+do not know what they have not seen, and the interval keeps the width of that.
 
 Value and interval are of one formula with one divisor. `benchmarks/coverage.py` measures how often they hold.
 
@@ -196,8 +196,8 @@ def _over_replicates(values: Array, samples: _Moments, span: float, confidence: 
     """Return the interval of what the replicates' means `values` are unbiased for.
 
     The scatter is that of the replicates. Their few values tell little of its shape: where the sequence gains
-    little on independent samples, as it does in a heavy tail, the samples tell more. `span` is the range of one
-    sample.
+    little on independent samples, as it does in a heavy tail, the samples tell more. `span` is the range of
+    one sample.
     """
     if values.size < 2:
         return np.nan, np.nan
@@ -253,7 +253,7 @@ def _ranks(n: int, probability: float, confidence: float) -> tuple[int, int]:
 def _inverted(
     pooled: Sketch, replicates: Sequence[Sketch], probability: float, confidence: float
 ) -> tuple[int, int]:
-    """Return the first ranks at which the share of samples up to there may, and must, exceed a probability."""
+    """Return the first ranks up to which the share of samples may, and must, exceed a probability."""
     size = _size(replicates)
 
     def interval(rank: int) -> tuple[float, float]:

@@ -58,7 +58,7 @@ class Ends:
 
 
 def many_starts(problem: Problem, recorder: Recorder, method: str, starts: int, seed: int) -> Ends:
-    """Search from a Latin hypercube of starts, in every combination of discrete values or where it promises."""
+    """Search from a Latin hypercube of starts, in the combinations of discrete values that promise."""
     from scipy.stats import qmc
 
     from tensegra.analysis import bfgs, slsqp
@@ -127,7 +127,7 @@ def _best(problem: Problem, finishes: list[Finish], scales: Scales) -> tuple[Fin
 
 
 def _merit(problem: Problem, z: Array, scales: Scales) -> float:
-    """Return the scaled objective of an end, less being better; one that misses a condition comes after all."""
+    """Return the scaled objective of an end, less being better; a missed condition comes last."""
     X = problem.from_unit(z[None])
     found = problem.assess(X, problem.model.evaluate(X))
     sign = -1.0 if problem.maximise else 1.0

@@ -300,8 +300,8 @@ def central_differences(model: Model, X: Array, within: Array | None = None) -> 
     """Return derivatives (n, n_outputs, n_inputs) by central differences, in one batch.
 
     The step is `DIFFERENCE_STEP` of the model's box, or of max(1, |x|) without one; near a bound it turns
-    one-sided, so that the model is never asked outside its box, nor outside the box `within` which is searched
-    (but for points that lie outside themselves). Where that box has no width the derivative is 0.
+    one-sided, so that the model is never asked outside its box, nor outside the box `within` which is
+    searched (but for points that lie outside themselves). Where that box has no width the derivative is 0.
     """
     n, d = X.shape
     box = model.bounds

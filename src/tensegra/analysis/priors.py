@@ -18,8 +18,8 @@ from tensegra.errors import StudyError
 
 Array = NDArray[np.float64]
 
-# A probability below this is taken for it, on either side: a quantile there may be infinite. It lies 37 standard
-# deviations off.
+# A probability below this is taken for it, on either side: a quantile there may be infinite. It lies 37
+# standard deviations off.
 LEAST_PROBABILITY = 1e-300
 # Step of central differences in z, for a law that has no density.
 STEP = 1e-4

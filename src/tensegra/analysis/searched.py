@@ -1,9 +1,9 @@
 """What a search may choose, and what becomes of the rest.
 
-Search variables and uncertain inputs are two declared things. A search chooses the inputs named in `search`; by
-default the actuators of the study, and whatever has bounds or an error of its own, less what `inputs` speaks
-of. A model without actuators is searched in all of its inputs. The rest keep their laws where the question is
-one of scatter, and are held at their means where it is not.
+Search variables and uncertain inputs are two declared things. A search chooses the inputs named in `search`;
+by default the actuators of the study, and whatever has bounds or an error of its own, less what `inputs`
+speaks of. A model without actuators is searched in all of its inputs. The rest keep their laws where the
+question is one of scatter, and are held at their means where it is not.
 """
 
 from collections.abc import Collection, Mapping, Sequence

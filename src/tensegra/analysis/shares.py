@@ -53,7 +53,7 @@ def replicated_interval(shares: Array, size: float, confidence: float) -> tuple[
         return share_interval(round(n * share), round(n * share), round(n), confidence)
     counts = shares * size
     floor = np.floor(counts.min() + 1e-6)
-    if 0 < floor and counts.max() < min(floor + 1.5, size - 0.5):
+    if floor > 0 and counts.max() < min(floor + 1.5, size - 0.5):
         return _between(counts - floor, floor, size, confidence)
     tail = 0.5 + confidence / 2
     loss = float(stdtrit(n - 1, tail) / stdtrit(shares.size - 1, tail)) ** 2
@@ -62,8 +62,9 @@ def replicated_interval(shares: Array, size: float, confidence: float) -> tuple[
 
 
 def _between(more: Array, floor: float, size: float, confidence: float) -> tuple[float, float]:
-    """Return the interval where every replicate counts `floor` events or one more, as even points do in one
-    dimension: the number of those with one more is binomial.
+    """Return the interval where every replicate counts `floor` events or one more.
+
+    Even points do so in one dimension; the number of those with one more is binomial.
     """
     n, k = more.size, float(np.round(more.sum()))
     if k in {0.0, n}:

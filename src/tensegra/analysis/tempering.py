@@ -2,10 +2,10 @@
 
 Sequential Monte Carlo (Del Moral, Doucet & Jasra 2006, doi:10.1111/j.1467-9868.2006.00553.x). The particles
 begin as draws of a reference, a mixture of the prior and of wide laws about the modes. It is turned into the
-density by q^(1−β) p^β, β from 0 to 1: in each stage β grows until half of the particles would be lost, these are
-replaced by copies of the others, and Hamiltonian trajectories move the copies apart. So peaks get the weight
-that they have, which chains that sit on one of them never learn. Where the reference is the density already,
-as for a normal posterior, there is one stage.
+density by q^(1−β) p^β, β from 0 to 1: in each stage β grows until half of the particles would be lost, these
+are replaced by copies of the others, and Hamiltonian trajectories move the copies apart. So peaks get the
+weight that they have, which chains that sit on one of them never learn. Where the reference is the density
+already, as for a normal posterior, there is one stage.
 
 There are several populations, which share nothing but β and the scale of the moves. Their spread is the error
 of what they say, and R̂ compares them as it compares chains.

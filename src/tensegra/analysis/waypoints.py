@@ -177,7 +177,7 @@ class WaypointSearch:
     def _in_the_rest(
         self, target: Array, before: Array, z: Array, frozen: NDArray[np.bool_]
     ) -> tuple[float, Array]:
-        """Return the cost and the place where the descent from `z` ends; `frozen` inputs keep their values."""
+        """Return the cost and the place where the descent in what is not `frozen` ends."""
         low, width = self.box[:, 0], self.box[:, 1] - self.box[:, 0]
         asked, free = np.isfinite(target), ~frozen
 

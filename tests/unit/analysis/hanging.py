@@ -1,4 +1,4 @@
-"""A cable that hangs under a load of 10 N: z = −(1 − A)(1 + 10/E) in closed form, A and E random or searched."""
+"""A cable that hangs under a load of 10 N: z = −(1 − A)(1 + 10/E), A and E random or searched."""
 
 import numpy as np
 

@@ -85,7 +85,9 @@ LAWS = [
 ]
 
 
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: next(iter(law)) if isinstance(law, dict) else law.dist.name)
+@pytest.mark.parametrize(
+    "law", LAWS, ids=lambda law: next(iter(law)) if isinstance(law, dict) else law.dist.name
+)
 def test_every_law_survives_the_file(law, tmp_path):
     law = tg.study.as_distribution(law) if isinstance(law, dict) else law
     X = np.random.default_rng(1).random((40, 2)) + 1.0
@@ -132,4 +134,7 @@ def test_arrays_alone_are_uniform_on_their_box():
     surrogate = fit((X, X[:, 0]), "pce")
     assert surrogate.space is None
     assert "uniform" in propagate(surrogate, samples=16).laws["x1"]
-    assert "uniform" in propagate(FunctionModel(lambda X: X, ("a",), ("y",), np.array([[0, 1]])), samples=16).laws["a"]
+    assert (
+        "uniform"
+        in propagate(FunctionModel(lambda X: X, ("a",), ("y",), np.array([[0, 1]])), samples=16).laws["a"]
+    )

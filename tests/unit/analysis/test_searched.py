@@ -61,8 +61,14 @@ def test_what_is_named_is_searched(smooth):
     ("options", "told"),
     [
         ({"search": ["B"]}, "search: found 'B', expected one of A, E"),
-        ({"search": ["A"], "inputs": {"A": 0.1}}, "inputs: found 'A', expected an input that is not searched"),
-        ({"search": ["A"], "bounds": {"E": [95, 105]}}, r"bounds: found 'E', expected an input that is searched"),
+        (
+            {"search": ["A"], "inputs": {"A": 0.1}},
+            "inputs: found 'A', expected an input that is not searched",
+        ),
+        (
+            {"search": ["A"], "bounds": {"E": [95, 105]}},
+            r"bounds: found 'E', expected an input that is searched",
+        ),
         ({"inputs": {"A": 0.1}}, "nothing is searched"),
         ({"search": ["A"], "inputs": {"E": {"same_as": "A"}}}, "inputs.E.same_as"),
     ],
@@ -102,7 +108,10 @@ def test_the_intervals_of_a_trajectory_hold_the_scatter_of_the_rest(smooth):
 
 def test_a_correlated_rest_keeps_its_copula():
     joint = Space(
-        tuple(Variable(n, q, "", as_distribution({"normal": [0, 1]})) for n, q in zip("abc", ("actuator", "", ""))),
+        tuple(
+            Variable(n, q, "", as_distribution({"normal": [0, 1]}))
+            for n, q in (("a", "actuator"), ("b", ""), ("c", ""))
+        ),
         np.array([[1, 0, 0], [0, 1, 0.8], [0, 0.8, 1]]),
     )
     model = FunctionModel(
@@ -142,11 +151,13 @@ def test_what_is_held_of_a_discrete_law_is_one_of_its_values(stepped):
 
 
 def integers(n, high):
-    return space(**{f"n{i}": {"discrete": {"values": list(range(high + 1))}} for i in range(n)}, x={"uniform": [0, 5]})
+    return space(
+        **{f"n{i}": {"discrete": {"values": list(range(high + 1))}} for i in range(n)}, x={"uniform": [0, 5]}
+    )
 
 
 def bent(X):
-    """A convex quadratic whose rounded minimum is not the best of the integer ones."""
+    """Return a convex quadratic whose rounded minimum is not the best of the integer ones."""
     d = X.shape[1]
     Q = np.eye(d) + 0.45 * (np.eye(d, k=1) + np.eye(d, k=-1))
     r = X - (1.3 + 0.37 * np.arange(d))
