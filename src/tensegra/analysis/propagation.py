@@ -195,8 +195,8 @@ def propagate(
     model
         A `Model`, a surrogate or a study (the true model).
     inputs
-        By variable: a distribution, a number or ``SameAs(variable)``. What is left out is uniform on the
-        model's box (for a study: has the study's own law).
+        By variable: a distribution, a number or ``SameAs(variable)``. What is left out has the law
+        of the study, as a surrogate of it has too, or is uniform on the model's box where there is none.
     samples
         Number of samples. Quasi-Monte-Carlo rounds it up (by a sixteenth at most) to up to 32 independently
         scrambled Sobol sets of 2^m points.

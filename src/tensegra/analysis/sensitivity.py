@@ -184,8 +184,9 @@ def sobol_indices(
     model
         A `Model`, a surrogate or a study (the true model).
     inputs
-        By variable: a distribution, a number or ``SameAs(variable)``; what is left out is uniform on the
-        model's box (for a study: has the study's own law). The random inputs must be independent.
+        By variable: a distribution, a number or ``SameAs(variable)``; what is left out has the law
+        of the study, as a surrogate of it has too, or is uniform on the model's box where there is none. The
+        random inputs must be independent.
     samples
         Base points N, a power of two; the model runs N (2d + 2) times, or N (d + 2) without the second order.
     second_order
