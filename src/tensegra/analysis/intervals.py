@@ -218,7 +218,7 @@ def _share_of_two(pooled: Sketch, replicates: Sequence[Sketch], confidence: floa
     The interval is a wide one: a sample that has not met the larger value at all knows of no interval, and
     the others have to make up for it.
     """
-    if not pooled.maximum > pooled.minimum or pooled.resolution:
+    if not pooled.maximum > pooled.minimum or pooled.resolution or pooled.count < FEWEST_VALUES:
         return None
     above = pooled.count_above(pooled.minimum)[0]
     if pooled.order_statistic(pooled.count - above + 1)[0] < pooled.maximum:
