@@ -306,6 +306,10 @@ def state_problem(
     formula = parse_expression(objective, names, place="objective")
     bounds, inputs = bounds or {}, inputs or {}
     searched = searched_inputs(model, search, inputs, {"bounds": bounds})
+    for condition in conditions:
+        if set(condition.margin.names) <= set(model.input_names) - set(searched):
+            expected = f"a condition that what is searched ({', '.join(searched)}) can move"
+            raise StudyError.at("constraints", condition.text, expected)
     held = {name: (value, value) for name, value in held_values(model, searched, inputs).items()}
     box = _box(model, {**bounds, **held})
     levels = Levels.of(model.input_names, box, levels_of(model))

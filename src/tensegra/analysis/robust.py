@@ -299,7 +299,12 @@ def robust_optimise(
         )
     asked = as_model(model)
     stated = state_problem(
-        asked, objective, bounds=_everything(asked), constraints=constraints, maximise=maximise
+        asked,
+        objective,
+        bounds=_everything(asked),
+        constraints=constraints,
+        maximise=maximise,
+        search=asked.input_names,
     )
     for constraint in stated.constraints:
         if constraint.equality:

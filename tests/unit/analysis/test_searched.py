@@ -83,6 +83,13 @@ def test_what_cannot_be_searched_is_refused(smooth, options, told):
             ask()
 
 
+def test_a_condition_on_what_is_held_is_refused(smooth):
+    with pytest.raises(
+        StudyError, match=r"found 'E <= 90', expected a condition that what is searched \(A\)"
+    ):
+        optimise(smooth[1], "z", constraints=["E <= 90"], starts=2)
+
+
 def test_a_robust_design_keeps_the_laws_of_the_rest(smooth):
     study, gpr = smooth
     found = robust_optimise(gpr, "z", starts=4, samples=4096, true_model=study)
