@@ -36,7 +36,7 @@ def share_interval(least: float, most: float, n: float, confidence: float) -> tu
     --------
     >>> low, high = share_interval(0, 0, 100, 0.95)
     >>> low, round(high, 4)
-    (0.0, 0.0362)
+    (0.0, 0.0356)
     """
     low, _ = _independent(least, n, confidence)
     _, high = _independent(most, n, confidence)
