@@ -52,8 +52,8 @@ def test_the_interval_of_the_deviation_holds_for_a_skewed_law():
 def test_quasi_monte_carlo_is_closer_and_knows_it():
     methods = ("monte_carlo", "quasi_monte_carlo")
     plain, even = (propagate(LINEAR, LAWS, samples=4096, method=m).outputs["y"].mean for m in methods)
-    assert abs(even.value - 6) < 2e-3
-    assert even.high - even.low < (plain.high - plain.low) / 20
+    assert abs(even.value - 6) < 4e-3  # 32 sets of 128 points; independent samples err by 0.03
+    assert even.high - even.low < (plain.high - plain.low) / 10
 
 
 def test_the_mean_converges_at_the_rate_of_monte_carlo():

@@ -24,7 +24,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegra.analysis.optimisation import Ends
+from tensegra.analysis.compiled import minimise
+from tensegra.analysis.manystarts import Ends
 from tensegra.analysis.problem import FEASIBLE, Assessment, Problem, Recorder
 from tensegra.errors import StudyError
 
@@ -111,7 +112,7 @@ class BayesianOptimiser:
         self._columns = [problem.model.output_names.index(name) for name in problem.used_outputs]
         size = 1 << max(n_initial - 1, 1).bit_length()
         initial = qmc.Sobol(problem.n_inputs, rng=np.random.default_rng(seed)).random(size)
-        self._initial = initial[:n_initial]
+        self._initial = self._snapped(initial[:n_initial])
         self.X = np.zeros((0, problem.n_inputs))
         self.outputs = np.zeros((0, len(problem.model.output_names)))
         self.thetas: list[Array | None] = [None] * len(self._columns)
@@ -129,18 +130,18 @@ class BayesianOptimiser:
     def ask(self) -> Array:
         """Return the next point (n_inputs,) to evaluate, in the problem's units."""
         if self.n_told < len(self._initial):
-            return self.problem.from_unit(self._initial[self.n_told])
+            return self._point(self._initial[self.n_told])
         valid = np.asarray(np.isfinite(self.outputs[:, self._columns]).all(axis=1))
         rng = np.random.default_rng([self.seed, self.n_told])
         if valid.sum() < 2:
-            return self.problem.from_unit(rng.random(self.problem.n_inputs))
-        Z = self._to_unit(self.X)
+            return self._point(self._snapped(rng.random((1, self.problem.n_inputs)))[0])
+        Z = self.problem.to_unit(self.X)
         self._processes = [
             _fit(Z[valid], self.outputs[valid, column], rng, theta)
             for column, theta in zip(self._columns, self.thetas, strict=True)
         ]
         self.thetas = [process.regressor.kernel_.theta for process in self._processes]
-        return self.problem.from_unit(self._propose(Z, valid, rng))
+        return self._point(self._propose(Z, valid, rng))
 
     def tell(self, x: Array, outputs: Array) -> None:
         """Take in the outputs (n_outputs,) at `x` (n_inputs,); NaN says that the model failed there."""
@@ -159,9 +160,12 @@ class BayesianOptimiser:
     def _sign(self) -> float:
         return 1.0 if self.problem.maximise else -1.0
 
-    def _to_unit(self, X: Array) -> Array:
-        low, high = self.problem.bounds.T
-        return np.asarray((X - low) / np.where(high > low, high - low, 1.0))
+    def _point(self, z: Array) -> Array:
+        return np.asarray(self.problem.from_unit(z[None])[0])
+
+    def _snapped(self, Z: Array) -> Array:
+        """Move points (n, d) to the values of discrete inputs, and of inputs that are held."""
+        return np.asarray(np.where(self.problem.fixed, 0.0, self.problem.levels.snap(Z)))
 
     def _assess(self, X: Array, outputs: Array) -> tuple[Array, Array]:
         """Return the merit (n,), more being better, and the margins (n, n_constraints)."""
@@ -189,20 +193,23 @@ class BayesianOptimiser:
             normals=_normal_draws(len(self._columns), self.seed),
         )
 
-        candidates = _candidates(Z[np.argsort(-np.where(feasible, merit, -np.inf), kind="stable")[:3]], rng)
+        best = Z[np.argsort(-np.where(feasible, merit, -np.inf), kind="stable")[:3]]
+        candidates = self._snapped(_candidates(best, rng))
         # Where the asked-for acquisition has settled on a known point, expected improvement looks elsewhere.
         for acquisition, xi in ((self.acquisition, self.xi), ("ei", 0.0)):
 
             def score(points: Array, acquisition: str = acquisition, xi: float = xi) -> Array:
+                points = self._snapped(points)
                 values = self._log_acquisition(points, state, acquisition, xi)
                 values[_nearest_failed(points, Z, valid)] = -np.inf
                 return np.nan_to_num(values, nan=-1e300, neginf=-1e300)
 
             order = np.argsort(-score(candidates), kind="stable")
             refined = [_ascend(score, candidates[index]) for index in order[:N_REFINED]]
-            for _, point in sorted(refined, key=lambda pair: -pair[0]):
+            for _, end in sorted(refined, key=lambda pair: -pair[0]):
+                point = self._snapped(end[None])[0]
                 if np.abs(Z - point).max(axis=1).min() > SAME_POINT:
-                    return point
+                    return np.asarray(point)
         unknown = sum(process.predict(candidates)[1] / process.scale for process in self._processes)
         unknown = np.where(_nearest_failed(candidates, Z, valid), -1.0, unknown)
         return np.asarray(candidates[int(np.argmax(unknown))])
@@ -258,7 +265,7 @@ def search(
     """Run rounds of ask, evaluate and tell up to `evaluations`, those that `file` holds among them."""
     from tensegra.analysis.searchfile import load_search, save_search
 
-    n_initial = min(max(2 * problem.n_inputs + 2, 5), max(evaluations // 2, 2))
+    n_initial = min(max(2 * len(problem.search) + 2, 5), max(evaluations // 2, 2))
     optimiser = BayesianOptimiser(problem, n_initial=n_initial, acquisition=acquisition, xi=xi, seed=seed)
     n_before = 0
     if file is not None and file.exists():
@@ -314,7 +321,6 @@ class _Process:
 
 def _fit(Z: Array, y: Array, rng: np.random.Generator, before: Array | None) -> _Process:
     """Fit a process with a length scale per input by maximum likelihood, from the last fit and afresh."""
-    from scipy.optimize import minimize
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel
@@ -324,7 +330,7 @@ def _fit(Z: Array, y: Array, rng: np.random.Generator, before: Array | None) -> 
 
     def fit_theta(objective: Callable[..., Any], theta: Array, bounds: Array) -> tuple[Array, float]:
         pairs = [(float(low), float(high)) for low, high in bounds]
-        result = minimize(objective, theta, jac=True, method="L-BFGS-B", bounds=pairs, options={"ftol": 1e-6})
+        result = minimise(objective, theta, method="L-BFGS-B", bounds=pairs, options={"ftol": 1e-6})
         return result.x, float(result.fun)
 
     starts = kernel if before is None else kernel.clone_with_theta(before)
@@ -363,8 +369,6 @@ def _candidates(best: Array, rng: np.random.Generator) -> Array:
 
 def _ascend(score: Callable[[Array], Array], z: Array) -> tuple[float, Array]:
     """Climb from `z` inside the cube, central differences in one batch; return the height and the point."""
-    from scipy.optimize import minimize
-
     d, step = z.size, 1e-5
 
     def value(z: Array) -> tuple[float, Array]:
@@ -376,7 +380,7 @@ def _ascend(score: Callable[[Array], Array], z: Array) -> tuple[float, Array]:
         slope = (found[d : 2 * d] - found[:d]) / (high - low)
         return -float(found[-1]), -np.nan_to_num(slope, nan=0.0, posinf=0.0, neginf=0.0)
 
-    result = minimize(value, z, jac=True, method="L-BFGS-B", bounds=[(0.0, 1.0)] * d, options={"maxiter": 60})
+    result = minimise(value, z, method="L-BFGS-B", bounds=[(0.0, 1.0)] * d, options={"maxiter": 60})
     return -float(result.fun), np.clip(result.x, 0.0, 1.0)
 
 

@@ -8,7 +8,8 @@ then their update, until the violation is gone.
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegra.analysis.multistart import Finish, View
+from tensegra.analysis.compiled import minimise
+from tensegra.analysis.multistart import Finish, View, room
 from tensegra.analysis.problem import Problem
 
 Array = NDArray[np.float64]
@@ -21,15 +22,18 @@ MAX_UPDATES = 25
 FIRST_PENALTY, LAST_PENALTY = 10.0, 1e6
 
 
-def descend(view: View, z: Array, problem: Problem) -> Finish:
-    """Run L-BFGS-B from `z` on the scaled problem, constraints by an augmented Lagrangian."""
+def descend(view: View, z: Array, problem: Problem, frozen: NDArray[np.bool_]) -> Finish:
+    """Run L-BFGS-B from `z` on the scaled problem, constraints by an augmented Lagrangian.
+
+    `frozen` variables keep their values.
+    """
     if not problem.constraints:
-        return _inner(view, z, np.zeros(0), 0.0, np.zeros(0, dtype=bool))
+        return _inner(view, z, np.zeros(0), 0.0, np.zeros(0, dtype=bool), frozen)
     equality = np.array([constraint.equality for constraint in problem.constraints], dtype=bool)
     multipliers, penalty, worst = np.zeros(equality.size), FIRST_PENALTY, np.inf
     finish = Finish(z, converged=False, reason="")
     for _ in range(MAX_UPDATES):
-        finish = _inner(view, finish.z, multipliers, penalty, equality)
+        finish = _inner(view, finish.z, multipliers, penalty, equality, frozen)
         c = view.at(finish.z).c
         violation = float(np.max(np.where(equality, np.abs(c), np.abs(np.minimum(c, multipliers / penalty)))))
         if violation <= VIOLATION_TOLERANCE:
@@ -43,9 +47,14 @@ def descend(view: View, z: Array, problem: Problem) -> Finish:
     return Finish(finish.z, converged=False, reason=reason)
 
 
-def _inner(view: View, z: Array, multipliers: Array, penalty: float, equality: NDArray[np.bool_]) -> Finish:
-    from scipy.optimize import minimize
-
+def _inner(
+    view: View,
+    z: Array,
+    multipliers: Array,
+    penalty: float,
+    equality: NDArray[np.bool_],
+    frozen: NDArray[np.bool_],
+) -> Finish:
     def value(z: Array) -> tuple[float, Array]:
         local = view.at(z)
         if not equality.size or not np.isfinite(local.f):
@@ -54,12 +63,11 @@ def _inner(view: View, z: Array, multipliers: Array, penalty: float, equality: N
         pull = np.where(equality, pull, np.maximum(pull, 0.0))
         return local.f + float(pull @ pull) / (2.0 * penalty), local.df - pull @ local.dc
 
-    result = minimize(
+    result = minimise(
         value,
         z,
-        jac=True,
         method="L-BFGS-B",
-        bounds=[(0.0, 1.0)] * z.size,
+        bounds=room(z, frozen),
         options={
             "ftol": OBJECTIVE_TOLERANCE,
             "gtol": GRADIENT_TOLERANCE,

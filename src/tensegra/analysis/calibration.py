@@ -4,10 +4,10 @@ With measured values y of standard deviations σ, and a model f, the posterior o
 
     p(θ | y) ∝ p(θ) · exp(−½ Σ ((f(θ) − y)/s)²),   s² = σ² + the surrogate's own variance,
 
-taken at the mode. It is drawn from by Hamiltonian Monte Carlo (`tensegra.analysis.hamiltonian`) in the normal
-space of the prior (`tensegra.analysis.priors`), with the model's exact derivatives. The chains start
-overdispersed about the modes that least squares finds from several points, so that chains in different modes
-disagree, and R̂ tells. What the posterior predicts is set beside every measurement.
+taken at the mode. It is drawn from by populations of particles (`tensegra.analysis.tempering`) in the normal
+space of the prior (`tensegra.analysis.priors`), with the model's exact derivatives. They start about the
+modes that least squares finds from several points, and all over the prior, so that several peaks and curved
+ridges are found and weighted. What the posterior predicts is set beside every measurement.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,25 +16,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegra.analysis.hamiltonian import Chains, sample
+from tensegra.analysis.compiled import least_squares
 from tensegra.analysis.inputs import SameAs
 from tensegra.analysis.measurements import Measurements
-from tensegra.analysis.model import Model, as_model, column_index
+from tensegra.analysis.model import Model, SurrogateModel, as_model, column_index
 from tensegra.analysis.posterior import Calibration, Prediction, summarise_parameters
 from tensegra.analysis.priors import Prior, prior_of
+from tensegra.analysis.tempering import Populations, Reference, lead
 from tensegra.analysis.truth import TrueModel
 from tensegra.errors import StudyError
 
 Array = NDArray[np.float64]
 
 # Points that least squares starts from: the prior's middle and some draws of it.
-N_STARTS = 6
-# A mode whose density is below exp(−20) of the best holds nothing of the posterior.
-NEGLIGIBLE = 20.0
+N_STARTS = 12
+# A mode whose density is below exp(−20) of the best holds nothing of the posterior; and more of them than
+# this are the points of one ridge.
+NEGLIGIBLE, MOST_MODES = 20.0, 6
 # Two ends of least squares this near to each other, in standard deviations of the prior, are one mode.
 SAME_MODE = 1e-3
-# Chains start this much wider than the normal approximation at their mode.
-OVERDISPERSION = 1.5
+# A posterior lies at an end of its prior where more than this share of it is in the last hundredth of the
+# prior there, and outside a box where more than this share of it is, rounding apart.
+END, AT_THE_END = 0.01, 0.5
+OUTSIDE, BOX_SLACK = 0.01, 1e-9
 # Draws of the prior and the posterior that are kept for the figures, and those that predictions are made of.
 N_SHOWN, N_PREDICTED = 1000, 1000
 
@@ -66,15 +70,17 @@ def calibrate(
     inputs
         By input that the measurements do not tell: its prior, a number that it is fixed at, or ``SameAs``
         another; its law in the study for the rest. What is not fixed is inferred.
-    chains, warmup, draws
-        Number of chains, and how many iterations each adapts and is kept for. The chains move together, as
-        one batch of the model, so that many short ones cost no more than a few.
+    chains, draws
+        Populations of particles, whose agreement is checked, and particles in each, the draws. They move
+        together, as one batch of the model.
+    warmup
+        Most trajectories of a particle on its way to the posterior.
     seed, confidence, name
         Of all random numbers; of the intervals (equal tails); of the result.
     true_model
         Solves the measured states again at the posterior's mode.
     progress
-        Called with (iterations done, in all).
+        Called with (hundredths of the way done, 100).
 
     Raises
     ------
@@ -107,9 +113,21 @@ def calibrate(
     best = min(modes, key=lambda mode: mode.cost)
     posterior = posterior.with_model_error(best.z)
     modes = [_descend(posterior, z) for z in _distinct(modes, best.cost + NEGLIGIBLE)]
-    starts, factor = _starts(modes, chains, rng)
-    found = sample(
-        posterior.log_density, starts, factor, n_warmup=warmup, n_draws=draws, rng=rng, progress=progress
+    modes = sorted(modes, key=lambda mode: mode.cost)[:MOST_MODES]
+    reference = Reference.of(
+        np.array([mode.z for mode in modes]),
+        np.array([mode.factor for mode in modes]),
+        np.array([mode.cost for mode in modes]),
+    )
+    found = lead(
+        posterior.log_density,
+        posterior.log_value,
+        reference,
+        n_populations=chains,
+        n_draws=draws,
+        most_moves=warmup,
+        rng=rng,
+        progress=progress,
     )
     return _result(posterior, found, min(modes, key=lambda mode: mode.cost).z, rng, confidence).finish(
         name=name, seed=seed, true_model=None if true_model is None else as_model(true_model)
@@ -169,6 +187,12 @@ class _Posterior:
         scaled = (values - self.data.values)[:, measured] / self.stds[measured]
         return scaled, slopes[:, measured] / self.stds[measured][:, None]
 
+    def log_value(self, Z: Array) -> Array:
+        """Return the log density (n,) but for a constant."""
+        measured = np.isfinite(self.data.values)
+        scaled = (self.predict(Z) - self.data.values)[:, measured] / self.stds[measured]
+        return np.asarray(-0.5 * (scaled**2).sum(axis=1) - 0.5 * (Z**2).sum(axis=1))
+
     def log_density(self, Z: Array) -> tuple[Array, Array]:
         """Return the log density (n,) but for a constant, and its gradient (n, p)."""
         r, J = self.residuals(Z)
@@ -206,8 +230,6 @@ def _distinct(modes: Sequence[_Mode], highest: float) -> list[Array]:
 
 def _descend(posterior: _Posterior, z: Array) -> _Mode:
     """Return the mode that lies downhill, with a factor of the covariance of its normal approximation."""
-    from scipy.optimize import least_squares
-
     identity = np.eye(z.size)
 
     def residual(z: Array) -> Array:
@@ -222,19 +244,12 @@ def _descend(posterior: _Posterior, z: Array) -> _Mode:
     return _Mode(result.x, float(result.cost), np.linalg.inv(np.linalg.cholesky(precision)).T)
 
 
-def _starts(modes: Sequence[_Mode], chains: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return a start for each chain about the modes in turn, and the scale at the best one."""
-    noise = OVERDISPERSION * rng.standard_normal((chains, modes[0].z.size))
-    starts = [modes[i % len(modes)].z + modes[i % len(modes)].factor @ noise[i] for i in range(chains)]
-    return np.array(starts), min(modes, key=lambda mode: mode.cost).factor
-
-
 @dataclass(frozen=True)
 class _Draft:
     """A result that lacks its labels and the true model's word."""
 
     posterior: _Posterior
-    chains: Chains
+    chains: Populations
     mode: Array
     prior_draws: Array
     theta: Array
@@ -274,6 +289,7 @@ class _Draft:
             draws=self.theta,
             prior_draws=self.prior_draws,
             prediction=prediction,
+            notes=_notes(posterior, self.theta, chains, self.prior_draws),
             acceptance=chains.acceptance,
             n_divergent=chains.n_divergent,
             n_evaluations=chains.n_evaluations * posterior.data.n_states,
@@ -281,8 +297,32 @@ class _Draft:
         )
 
 
+def _notes(posterior: _Posterior, theta: Array, chains: Populations, prior_draws: Array) -> tuple[str, ...]:
+    """Say by its name which parameter lies at the end of its prior or outside the model's box."""
+    model, told = posterior.model, []
+    if not chains.complete:
+        told.append(
+            "the draws are not yet of the posterior: the trajectories allowed (`warmup`) were too few"
+        )
+    box = None if isinstance(model, TrueModel) else model.bounds  # the truth extrapolates nowhere
+    for k, name in enumerate(posterior.prior.names):
+        draws = theta[:, :, k]
+        low, high = np.quantile(prior_draws[:, k], (END, 1.0 - END))
+        for side, beyond in (("lower", draws < low), ("upper", draws > high)):
+            if beyond.mean() > AT_THE_END:
+                told.append(f"the posterior of {name} lies at the {side} end of its prior")
+        if box is not None:
+            lower, upper = box[model.input_names.index(name)]
+            slack = BOX_SLACK * (upper - lower)
+            share = float(((draws < lower - slack) | (draws > upper + slack)).mean())
+            if share > OUTSIDE:
+                what = "surrogate's" if isinstance(model, SurrogateModel) else "model's"
+                told.append(f"{100 * share:.0f} % of the posterior of {name} lies outside the {what} box")
+    return tuple(told)
+
+
 def _result(
-    posterior: _Posterior, chains: Chains, mode: Array, rng: np.random.Generator, confidence: float
+    posterior: _Posterior, chains: Populations, mode: Array, rng: np.random.Generator, confidence: float
 ) -> _Draft:
     prior, p = posterior.prior, posterior.prior.n_parameters
     place = [posterior.model.input_names.index(name) for name in prior.names]

@@ -5,6 +5,9 @@ variance (Sudret 2008, doi:10.1016/j.ress.2007.04.002): no sampling, no sampling
 error of the expansion. Its coefficients are least-squares estimates with the covariance s² (RᵀR)⁻¹, R the
 triangular factor of the regression and s its calibrated residual; the intervals follow from draws of them.
 They hold what scatters in the fit, not what every polynomial of this degree would miss.
+
+Where the inputs are correlated the variance has no shares that belong to one input alone. The result then has
+the variance under the joint law, and says why it has no indices.
 """
 
 from collections.abc import Sequence
@@ -14,15 +17,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegra.analysis.inputs import random_inputs
+from tensegra.analysis.inputs import RandomInputs, random_inputs
 from tensegra.analysis.model import SurrogateModel, as_model, column_index
 from tensegra.analysis.sensitivity import RESAMPLES, Indices, Sensitivity
 from tensegra.errors import StudyError
 
 Array = NDArray[np.float64]
 
-# Recurrence coefficients of two laws that agree to this are those of one law.
+# Laws are compared at these probabilities, and are one where their quantiles agree to this share of the
+# range.
+LEVELS = np.linspace(0.01, 0.99, 15)
 SAME_LAW = 1e-6
+CORRELATED = "the inputs are correlated: no share of the variance belongs to one of them alone"
 
 
 def chaos_indices(
@@ -71,12 +77,17 @@ def chaos_indices(
         raise StudyError.at("sensitivity.model", asked.name, "a surrogate of kind 'pce' for the method chaos")
     laws = _laws(asked)
     from tensegra.surrogate.chaos import moments
+    from tensegra.surrogate.jointlaw import is_correlated
 
     wanted = tuple(outputs or asked.output_names)
     columns = column_index(asked.output_names, wanted, "sensitivity.outputs")
-    point = _shares(asked.surrogate)
-    drawn = [_shares(copy) for copy in _redrawn(asked.surrogate, seed)]
-    halves = [_half_width(np.array([each[i] for each in drawn]), confidence) for i in range(3)]
+    correlated = is_correlated(asked.surrogate.space)
+    if correlated:
+        point = halves = _no_shares(len(asked.output_names), len(asked.input_names))
+    else:
+        point = _shares(asked.surrogate)
+        drawn = [_shares(copy) for copy in _redrawn(asked.surrogate, seed)]
+        halves = tuple(_half_width(np.array([each[i] for each in drawn]), confidence) for i in range(3))
     _, std = moments(asked.surrogate)
     indices = {}
     for output, k in zip(wanted, columns, strict=True):
@@ -91,7 +102,7 @@ def chaos_indices(
             total_half=halves[1][k],
             second=point[2][k] if second_order else None,
             second_half=halves[2][k] if second_order else None,
-            reason="" if varies else "the output does not vary",
+            reason=(CORRELATED if correlated else "") if varies else "the output does not vary",
         )
     return Sensitivity(
         name=name,
@@ -112,7 +123,16 @@ def chaos_indices(
     )
 
 
-def _shares(surrogate: Any) -> tuple[Array, Array, Array]:  # noqa: ANN401 - a Surrogate of kind pce
+def _no_shares(n_outputs: int, d: int) -> tuple[Array, ...]:
+    """Return what `_shares` does, without a number in it."""
+    return (
+        np.full((n_outputs, d), np.nan),
+        np.full((n_outputs, d), np.nan),
+        np.full((n_outputs, d, d), np.nan),
+    )
+
+
+def _shares(surrogate: Any) -> tuple[Array, ...]:  # noqa: ANN401 - a Surrogate of kind pce
     """Return first-order and total indices (n_outputs, d), and those of pairs (n_outputs, d, d)."""
     from tensegra.surrogate.chaos import sobol_indices
 
@@ -150,24 +170,26 @@ def _half_width(draws: Array, confidence: float) -> Array:
 
 def _laws(model: SurrogateModel) -> dict[str, str]:
     """Return the laws in words, after a check that they are those of the training."""
-    if model.space is None:
-        return dict.fromkeys(model.input_names, "as in the training")
-    from tensegra.surrogate.basis import law_quadrature, recurrence
-
-    laws = random_inputs(model)
-    if laws.copula is not None:
-        raise StudyError.at("sensitivity.inputs", ", ".join(laws.copula.names), "independent inputs")
-    scaling, known = model.surrogate.scaling, model.surrogate.model.recurrences
-    degree = min(3, known.shape[2] - 1)
-    by_name = dict(zip(laws.names, laws.laws, strict=True))
-    for j, name in enumerate(model.input_names):
-        law: Any = by_name[name]
-        if not hasattr(law, "pdf"):
-            continue
-        nodes, weights = law_quadrature(law)
-        own = recurrence((nodes - scaling.input_shift[j]) / scaling.input_scale[j], weights, degree)
-        if not np.allclose(own, known[j, :, : degree + 1], rtol=SAME_LAW, atol=SAME_LAW):
+    laws, own = random_inputs(model), random_inputs(SurrogateModel(model.surrogate))
+    for name, law, trained in zip(laws.names, laws.laws, own.laws, strict=True):
+        given, known = (_quantiles(each) for each in (law, trained))
+        if not np.allclose(given, known, rtol=0.0, atol=SAME_LAW * max(float(np.ptp(known)), SAME_LAW)):
             raise StudyError.at(
                 f"sensitivity.inputs.{name}", repr(law), "the law that the expansion was trained with"
             )
+    if not np.allclose(_ranks(laws), _ranks(own)):
+        raise StudyError.at("sensitivity.inputs", "a correlation", "the one that it was trained with")
     return laws.describe()
+
+
+def _quantiles(law: Any) -> Array:  # noqa: ANN401 - a number or anything with quantiles
+    return np.full(LEVELS.size, law) if isinstance(law, float) else np.asarray(law.ppf(LEVELS), dtype=float)
+
+
+def _ranks(laws: RandomInputs) -> Array:
+    """Return the rank correlations (d, d) of all inputs."""
+    ranks = np.eye(len(laws.names))
+    if laws.copula is not None and laws.copula.correlation is not None:
+        place = [laws.names.index(name) for name in laws.copula.names]
+        ranks[np.ix_(place, place)] = laws.copula.correlation
+    return ranks

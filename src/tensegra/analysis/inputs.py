@@ -119,7 +119,9 @@ class RandomInputs:
         return {name: _words(law) for name, law in zip(self.names, self.laws, strict=True)}
 
 
-def random_inputs(model: Model, inputs: Mapping[str, object] | None = None) -> RandomInputs:
+def random_inputs(
+    model: Model, inputs: Mapping[str, object] | None = None, *, may_be_fixed: bool = False
+) -> RandomInputs:
     """Settle the law of every input of a model.
 
     Parameters
@@ -130,6 +132,8 @@ def random_inputs(model: Model, inputs: Mapping[str, object] | None = None) -> R
     inputs
         By variable: a distribution or its mapping, a number, `Draws`, `SameAs` or the mapping ``{"same_as":
         name}``. A variable named here is independent of all others but of those tied to it.
+    may_be_fixed
+        Whether all inputs may be numbers, so that nothing is random.
 
     Raises
     ------
@@ -164,7 +168,7 @@ def random_inputs(model: Model, inputs: Mapping[str, object] | None = None) -> R
     seen: set[int] = set()
     rest = (n for n, law in laws.items() if n not in first and _is_free(law, seen))
     independent = (*first, *rest)
-    if not independent:
+    if not independent and not may_be_fixed:
         raise StudyError("inputs: every variable is fixed, there is nothing random to study")
     return RandomInputs(names, tuple(laws.values()), independent, copula)
 

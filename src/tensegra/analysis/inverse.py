@@ -14,8 +14,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegra.analysis.model import Model, as_model, column_index
-from tensegra.analysis.scatter import Scatter, scatter
+from tensegra.analysis.model import as_model, column_index
+from tensegra.analysis.scatter import scatter
+from tensegra.analysis.searched import mean_of_each
 from tensegra.analysis.trajectory import Trajectory
 from tensegra.analysis.truth import TrueModel
 from tensegra.analysis.waypoints import REACHED, WaypointSearch, conditions_of
@@ -31,6 +32,7 @@ def reach(
     model: object,
     targets: Mapping[str, ArrayLike],
     *,
+    search: Sequence[str] | None = None,
     bounds: Mapping[str, Sequence[float]] | None = None,
     errors: Mapping[str, object] | None = None,
     inputs: Mapping[str, object] | None = None,
@@ -53,12 +55,17 @@ def reach(
     targets
         By output, such as the coordinate of a named node: its value at every waypoint, shape (n_waypoints,);
         a number is held all along. NaN leaves an output free at a waypoint.
+    search
+        Names of the inputs to choose; by default the actuators of the study and what has bounds or errors
+        (all inputs of a model that has no actuators), less what `inputs` names. One that is discrete stays
+        on its values. All others keep their joint law: the search takes them at their means, the intervals
+        hold their scatter.
     bounds
         By designed input, [lower, upper]; the model's own box for the rest.
     errors
         By designed input: the law of the error that adds to it; ``{"same_as": name}`` for a shared one.
     inputs
-        By input that is not designed: its law, or a number.
+        By input that is not designed: a law in place of its own, or a number.
     constraints
         Comparisons of formulas over inputs and outputs, such as ``"lowest_eigenvalue >= 1e-3"``, to be kept
         at every waypoint.
@@ -95,47 +102,58 @@ def reach(
         of = tuple(name for name in asked.output_names if name in used)
         asked = replace(asked, ahead=True, of=of)
     columns = column_index(asked.output_names, tuple(targets), "inverse.targets")
-    around = _scatter(asked, dict(errors or {}), dict(inputs or {}))
-    search = WaypointSearch.of(
-        asked, columns, conditions, around, inputs or {}, bounds or {}, starts=starts, seed=seed
-    )
-    x, found = search.begin(wanted[0]), []
+    around = scatter(asked, errors, inputs, search, bounds)
+    way = WaypointSearch.of(asked, columns, conditions, around, bounds or {}, starts=starts, seed=seed)
+    x, found = way.begin(wanted[0]), []
     for i, target in enumerate(wanted):
-        x = search.solve(target, x)
+        x = way.solve(target, x)
         found.append(x)
         if progress is not None:
             progress(i + 1, len(wanted))
     X = np.array(found)
-    outputs = asked.evaluate(search.inputs(X)).values[:, columns]
-    allowed = _tolerance(tolerance, tuple(targets), search.scales)
-    draws = None if around is None else around.draw(samples, seed)
-    low, high, n_failed = _intervals(search, draws, X, outputs, seed, confidence)
+    outputs = asked.evaluate(way.inputs(X)).values[:, columns]
+    allowed = _tolerance(tolerance, tuple(targets), way.scales)
+    draws = around.draw(samples, seed) if around.scatters else None
+    low, high, n_failed = _intervals(way, draws, X, outputs, seed, confidence)
+    held = mean_of_each(around.laws)
     result = Trajectory(
         name=name,
         model=asked.name,
         seed=seed,
         confidence=confidence,
         tolerance=tuple(allowed.tolist()),
-        input_names=search.design_names,
+        input_names=way.design_names,
+        held={name: value for name, value in held.items() if name not in way.design_names},
         x=X,
-        bounds=search.box,
+        bounds=way.box,
         target_names=tuple(targets),
         targets=wanted,
         outputs=outputs,
-        reached=_holds(outputs, wanted, allowed) & search.keeps(X),
+        reached=_holds(outputs, wanted, allowed) & way.keeps(X),
         low=low,
         high=high,
-        laws={} if around is None else around.laws.describe(),
-        n_samples=0 if around is None else samples,
+        laws=around.laws.describe() if around.scatters else {},
+        n_samples=samples if around.scatters else 0,
         n_failed=n_failed,
         units=dict(asked.units),
     )
     if true_model is None:
         return result
     truth = as_model(true_model)
-    again = truth.evaluate(search.inputs(X))
+    if truth.input_names != asked.input_names:
+        expected = f"the inputs {list(asked.input_names)}"
+        raise StudyError.at("inverse.true_model", list(truth.input_names), expected)
+    again = truth.evaluate(way.inputs(X))
     place = column_index(truth.output_names, tuple(targets), "inverse.true_model")
-    return replace(result, true_status=tuple(again.status.tolist()), true_outputs=again.values[:, place])
+    # A waypoint is reached when the true model says so.
+    solved = replace(way, model=truth, conditions=conditions_of(truth, constraints))
+    reached = again.valid & _holds(again.values[:, place], wanted, allowed) & solved.keeps(X)
+    return replace(
+        result,
+        reached=reached,
+        true_status=tuple(again.status.tolist()),
+        true_outputs=again.values[:, place],
+    )
 
 
 def _waypoints(targets: Mapping[str, ArrayLike]) -> Array:
@@ -148,13 +166,6 @@ def _waypoints(targets: Mapping[str, ArrayLike]) -> Array:
         if column.ndim != 1 or column.size not in {1, n} or np.isinf(column).any():
             raise StudyError.at(f"inverse.targets.{name}", list(column.shape), f"one finite number, or {n}")
     return np.stack([np.broadcast_to(column, (n,)) for column in columns], axis=1)
-
-
-def _scatter(model: Model, errors: dict[str, object], inputs: dict[str, object]) -> Scatter | None:
-    """Return what scatters, or None where nothing does."""
-    if not errors and all(isinstance(value, int | float) for value in inputs.values()):
-        return None
-    return scatter(model, errors, inputs)
 
 
 def _tolerance(tolerance: float | Mapping[str, float] | None, names: tuple[str, ...], scales: Array) -> Array:
@@ -170,26 +181,28 @@ def _tolerance(tolerance: float | Mapping[str, float] | None, names: tuple[str, 
 
 
 def _holds(outputs: Array, targets: Array, allowed: Array) -> NDArray[np.bool_]:
-    missed = np.where(np.isnan(targets), 0.0, np.abs(outputs - targets))
+    missed = np.where(
+        np.isnan(targets), 0.0, np.abs(outputs - targets)
+    )  # a run that failed is NaN, and misses
     return np.asarray((missed <= allowed).all(axis=1))
 
 
 def _intervals(
-    search: WaypointSearch, draws: Array | None, X: Array, outputs: Array, seed: int, confidence: float
+    way: WaypointSearch, draws: Array | None, X: Array, outputs: Array, seed: int, confidence: float
 ) -> tuple[Array, Array, NDArray[np.intp]]:
     """Return the ends of the intervals (n_waypoints, n_targets), and how many samples failed."""
-    model, rng = search.model, np.random.default_rng(seed)
+    model, rng = way.model, np.random.default_rng(seed)
     levels = np.array([0.5 - confidence / 2, 0.5 + confidence / 2])
     ends, failed = [], []
     for x, output in zip(X, outputs, strict=True):
-        own = search.inputs(x[None])
-        inputs = own if draws is None or search.around is None else search.around.around(x[None], draws)[0]
-        found = np.tile(output, (1, 1)) if draws is None else model.evaluate(inputs).values[:, search.columns]
+        own = way.inputs(x[None])
+        inputs = own if draws is None else way.around.around(x[None], draws)[0]
+        found = np.tile(output, (1, 1)) if draws is None else model.evaluate(inputs).values[:, way.columns]
         std = model.uncertainty(inputs)
         if std is not None:
             n = max(len(found), N_OF_MODEL)
             found = np.resize(found, (n, found.shape[1]))
-            found = found + np.resize(std[:, search.columns], found.shape) * rng.standard_normal(found.shape)
+            found = found + np.resize(std[:, way.columns], found.shape) * rng.standard_normal(found.shape)
         good = np.isfinite(found).all(axis=1)
         failed.append(int((~good).sum()))
         ends.append(

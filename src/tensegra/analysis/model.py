@@ -10,7 +10,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -130,6 +130,8 @@ class FunctionModel:
         What results are labelled with; the joint law of the inputs, if there is one.
     counts
         Outputs that count, so that only whole numbers can be equal.
+    within
+        The box (n_inputs, 2) that differences stay in, where it is narrower than `bounds`: see `confined`.
 
     Examples
     --------
@@ -148,6 +150,11 @@ class FunctionModel:
     units: Mapping[str, str] = field(default_factory=dict)
     space: "Space | None" = None
     counts: tuple[str, ...] = ()
+    within: Array | None = None
+
+    def confined(self, box: Array) -> "FunctionModel":
+        """Return the model that takes its differences within a box (n_inputs, 2)."""
+        return replace(self, within=box)
 
     def evaluate(self, X: ArrayLike) -> Evaluation:
         """Return the outputs at the points `X`."""
@@ -159,7 +166,7 @@ class FunctionModel:
         """Return the derivatives (n, n_outputs, n_inputs)."""
         X = points(X, self.input_names)
         if self.derivative is None:
-            return central_differences(self, X)
+            return central_differences(self, X, self.within)
         shape = (len(X), len(self.output_names), len(self.input_names))
         return np.asarray(self.derivative(X), dtype=float).reshape(shape)
 
@@ -178,7 +185,7 @@ class SurrogateModel:
     name
         The name that results carry; the surrogate's kind unless given.
     space
-        The joint law of the inputs, which a surrogate does not remember.
+        The joint law of the inputs; the one that the surrogate was trained under unless given.
     counts
         Outputs that count, so that only whole numbers can be equal.
     """
@@ -191,6 +198,8 @@ class SurrogateModel:
     def __post_init__(self) -> None:
         if not self.name:
             object.__setattr__(self, "name", str(getattr(self.surrogate, "kind", "surrogate")))
+        if self.space is None:
+            object.__setattr__(self, "space", getattr(self.surrogate, "space", None))
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -287,17 +296,22 @@ def points(X: ArrayLike, names: Sequence[str]) -> Array:
     return found
 
 
-def central_differences(model: Model, X: Array) -> Array:
+def central_differences(model: Model, X: Array, within: Array | None = None) -> Array:
     """Return derivatives (n, n_outputs, n_inputs) by central differences, in one batch.
 
     The step is `DIFFERENCE_STEP` of the model's box, or of max(1, |x|) without one; near a bound it turns
-    one-sided, so that the model is never asked outside its box.
+    one-sided, so that the model is never asked outside its box, nor outside the box `within` which is
+    searched (but for points that lie outside themselves). Where that box has no width the derivative is 0.
     """
     n, d = X.shape
     box = model.bounds
     span = np.maximum(1.0, np.abs(X)) if box is None else np.broadcast_to(box[:, 1] - box[:, 0], (n, d))
     step = DIFFERENCE_STEP * span
-    lower, upper = (-np.inf, np.inf) if box is None else (box[:, 0], box[:, 1])
+    lower, upper = np.full((n, d), -np.inf), np.full((n, d), np.inf)
+    for limits in (box, within):
+        if limits is not None:
+            lower, upper = np.maximum(lower, limits[:, 0]), np.minimum(upper, limits[:, 1])
+    lower, upper = np.minimum(lower, X), np.maximum(upper, X)
     low, high = np.clip(X - step, lower, upper), np.clip(X + step, lower, upper)
     probes = np.repeat(X[:, None, None, :], 2 * d, axis=1).reshape(n, d, 2, d)
     for i in range(d):

@@ -71,27 +71,55 @@ class View:
         self._key, self._local = question.key, local
 
 
-Descent = Callable[[View, Array, Problem], Finish]
+Descent = Callable[[View, Array, Problem, NDArray[np.bool_]], Finish]
+
+
+def room(z: Array, frozen: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Return the bounds of a descent: the unit cube, without width where a variable is frozen."""
+    return [
+        (value, value) if held else (0.0, 1.0)
+        for value, held in zip(z.tolist(), frozen.tolist(), strict=True)
+    ]
 
 
 def multistart(
-    problem: Problem, recorder: Recorder, descend: Descent, starts: Array, *, follow: int | None = None
+    problem: Problem,
+    recorder: Recorder,
+    descend: Descent,
+    starts: Array,
+    *,
+    follow: int | None = None,
+    frozen: NDArray[np.bool_] | None = None,
+    scales: Scales | None = None,
+    first_number: int = 0,
 ) -> tuple[list[Finish], Scales]:
     """Run `descend` from `starts` (n_starts, d) in the unit cube: from each, or from the `follow` best.
+
+    Parameters
+    ----------
+    problem, recorder, descend, starts, follow
+        What is searched, who keeps the evaluations, by which method, and from where.
+    frozen
+        Which variables keep their values, shape (d,); those without room in any case.
+    scales
+        Those of an earlier call, else they are measured over the starts.
+    first_number
+        Number of the first start in the trace.
 
     Returns
     -------
     finishes, scales
         Where each start that was followed ended, and the scales that all of them worked in.
     """
-    X, found, first = recorder.evaluate(starts, range(len(starts)))
-    scales = problem.scales(first)
+    X, found, first = recorder.evaluate(starts, range(first_number, first_number + len(starts)))
+    scales = problem.scales(first) if scales is None else scales
+    still = problem.fixed if frozen is None else problem.fixed | frozen
     levels = LEVELS if problem.has_kinks else (0.0,)
     known = problem.localise(X, found, scales, np.full(len(X), levels[0]))
 
     def answer(numbers: list[int], questions: list[Question]) -> list[Local]:
         Z = np.array([question.z for question in questions])
-        X, found, _ = recorder.evaluate(Z, numbers)
+        X, found, _ = recorder.evaluate(Z, [first_number + number for number in numbers])
         return problem.localise(X, found, scales, np.array([question.smoothing for question in questions]))
 
     def program(number: int) -> Callable[[Callable[[Question], Local]], Finish]:
@@ -99,12 +127,14 @@ def multistart(
             z = starts[number]
             if not np.isfinite(known[number].f):
                 return Finish(z, converged=False, reason="the model failed at the starting point")
+            if still.all():
+                return Finish(z, converged=True, reason="there is one point only")
             view = View(ask)
             view.remember(Question(z, levels[0]), known[number])
             finish = Finish(z, converged=False, reason="")
             for level in levels:
                 view.smoothing = level
-                finish = descend(view, finish.z, problem)
+                finish = descend(view, finish.z, problem, still)
             return finish
 
         return run

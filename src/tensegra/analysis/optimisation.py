@@ -9,7 +9,7 @@ and nothing else.
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegra.analysis.discrete import SAME_VALUE
+from tensegra.analysis.manystarts import Ends, many_starts
 from tensegra.analysis.model import Model, as_model
 from tensegra.analysis.optimum import Agreement, Optimum, Trace
 from tensegra.analysis.problem import FEASIBLE, Assessment, Problem, Recorder, Scales, state_problem
@@ -28,10 +30,6 @@ Array = NDArray[np.float64]
 
 METHODS = ("slsqp", "bfgs", "bayesian", "direct")
 
-# Starts of `direct` that are followed to their end, the best of all that were tried: a start takes some
-# dozens of solutions of the structure.
-N_FOLLOWED = 12
-
 # Two points have the same objective within this share of its spread, and the same place within this share of
 # the box (a smooth optimum is a thousandth of the box wide where its objective falls by a millionth).
 SAME_OBJECTIVE, SAME_PLACE = 1e-6, 1e-2
@@ -41,6 +39,8 @@ def optimise(
     model: object,
     objective: str,
     *,
+    search: Sequence[str] | None = None,
+    inputs: Mapping[str, object] | None = None,
     bounds: Mapping[str, Sequence[float]] | None = None,
     constraints: Sequence[str] = (),
     maximise: bool = True,
@@ -63,8 +63,14 @@ def optimise(
         A `Model`, a surrogate or a study (the true model).
     objective
         An expression over outputs and variables, such as ``"abs(w) / (abs(v) + abs(w))"``.
+    search
+        Names of the inputs to choose; by default the actuators of the study and what has bounds (all inputs
+        of a model that has no actuators), less what `inputs` names. One that is discrete stays on its values.
+    inputs
+        By input that is not searched: the number to hold it at, or a law, at whose mean it is held. The rest
+        are held at the means of their laws.
     bounds
-        By variable, [lower, upper]; the model's own box for the rest.
+        By searched input, [lower, upper]; the model's own box for the rest.
     constraints
         Comparisons such as ``"abs(v) <= 1"``.
     maximise
@@ -114,15 +120,23 @@ def optimise(
     if file is not None and method != "bayesian":
         raise StudyError.at("optimisation.file", str(file), "the method 'bayesian', which alone keeps one")
     asked = _asked(as_model(model), method, true_model)
-    problem = state_problem(asked, objective, bounds=bounds, constraints=constraints, maximise=maximise)
-    if isinstance(asked, TrueModel) and method != "bayesian":
-        problem = replace(problem, model=replace(asked, ahead=True, of=problem.used_outputs))
+    problem = state_problem(
+        asked,
+        objective,
+        bounds=bounds,
+        constraints=constraints,
+        maximise=maximise,
+        search=search,
+        inputs=inputs,
+    )
+    if isinstance(problem.model, TrueModel) and method != "bayesian":
+        problem = replace(problem, model=replace(problem.model, ahead=True, of=problem.used_outputs))
     recorder = Recorder(problem, progress, evaluations if method == "bayesian" else 0)
     began = time.perf_counter()
     if method == "bayesian":
-        from tensegra.analysis.bayesian import search
+        from tensegra.analysis import bayesian
 
-        ends = search(
+        ends = bayesian.search(
             problem,
             recorder,
             evaluations=evaluations,
@@ -132,7 +146,7 @@ def optimise(
             file=None if file is None else Path(file),
         )
     else:
-        ends = _many_starts(problem, recorder, method, starts, seed)
+        ends = many_starts(problem, recorder, method, starts, seed)
     seconds = time.perf_counter() - began
     facts = {
         "name": name,
@@ -147,15 +161,6 @@ def optimise(
     return _solve_again(optimum, problem, ends.scales, as_model(true_model))
 
 
-@dataclass(frozen=True)
-class Ends:
-    """How the starts of a search ended (a method without starts has one), and its scales."""
-
-    scales: Scales
-    converged: NDArray[np.bool_]
-    reasons: tuple[str, ...]
-
-
 def _asked(model: Model, method: str, true_model: object | None) -> Model:
     """Return the model that a method searches on."""
     if method == "bayesian":
@@ -167,26 +172,10 @@ def _asked(model: Model, method: str, true_model: object | None) -> Model:
     return model
 
 
-def _many_starts(problem: Problem, recorder: Recorder, method: str, starts: int, seed: int) -> Ends:
-    from scipy.stats import qmc
-
-    from tensegra.analysis import bfgs, slsqp
-    from tensegra.analysis.multistart import multistart
-
-    Z = qmc.LatinHypercube(problem.n_inputs, rng=np.random.default_rng(seed)).random(starts)
-    descend = {"slsqp": slsqp.descend, "bfgs": bfgs.descend, "direct": slsqp.descend}[method]
-    follow = N_FOLLOWED if method == "direct" else None
-    finishes, scales = multistart(problem, recorder, descend, Z, follow=follow)
-    return Ends(
-        scales,
-        np.array([finish.converged for finish in finishes]),
-        tuple(finish.reason for finish in finishes),
-    )
-
-
 def _optimum(problem: Problem, recorder: Recorder, ends: Ends, facts: Mapping[str, Any]) -> Optimum:
     visited, start = recorder.all()
     feasible = np.isfinite(visited.objective) & (problem.violation(visited.margins, ends.scales) <= FEASIBLE)
+    feasible &= problem.levels.hold(problem.to_unit(visited.X))  # a relaxed point is no answer
     sign = 1.0 if problem.maximise else -1.0
     merit = np.where(feasible, sign * visited.objective, -np.inf)
     index = int(np.argmax(merit)) if feasible.any() else _least_violation(problem, visited, ends.scales)
@@ -211,6 +200,8 @@ def _optimum(problem: Problem, recorder: Recorder, ends: Ends, facts: Mapping[st
         maximise=problem.maximise,
         input_names=model.input_names,
         bounds=problem.bounds,
+        search=problem.search,
+        held=problem.held,
         x=x,
         inputs=_named(model.input_names, x),
         objective=float(visited.objective[index]),
@@ -235,9 +226,10 @@ def _agreement(
     problem: Problem, visited: Assessment, merit: Array, start: NDArray[np.intp], ends: Ends
 ) -> Agreement:
     """Compare what the starts reached, and where the best objective was met."""
+    n_starts, n_converged = ends.converged.size, int(ends.converged.sum())
     if not np.isfinite(merit).any():
         nowhere = np.full(problem.n_inputs, np.nan)
-        return Agreement(ends.converged.size, int(ends.converged.sum()), 0, nowhere, nowhere, unique=False)
+        return Agreement(n_starts, n_converged, 0, n_starts, nowhere, nowhere, unique=False)
     same = merit >= merit.max() - SAME_OBJECTIVE * ends.scales.objective
     where = visited.X[same]
     index = int(np.argmax(merit))
@@ -248,8 +240,22 @@ def _agreement(
     width = problem.bounds[:, 1] - problem.bounds[:, 0]
     unique = bool((high - low <= SAME_PLACE * width).all())
     return Agreement(
-        ends.converged.size, int(ends.converged.sum()), np.unique(start[same]).size, low, high, unique
+        n_starts,
+        n_converged,
+        np.unique(start[same]).size,
+        _rivals(problem, visited.X[index], ends),
+        low,
+        high,
+        unique,
     )
+
+
+def _rivals(problem: Problem, x: Array, ends: Ends) -> int:
+    """Return how many starts searched with the discrete values of `x`."""
+    mask = problem.levels.mask
+    if ends.z is None or not mask.any():
+        return ends.converged.size
+    return int((np.abs(ends.z - problem.to_unit(x))[:, mask] <= SAME_VALUE).all(axis=1).sum())
 
 
 def _verdict(agreement: Agreement, ends: Ends) -> tuple[bool, str]:
@@ -262,9 +268,21 @@ def _verdict(agreement: Agreement, ends: Ends) -> tuple[bool, str]:
             f"{agreement.n_best} of {agreement.n_starts} starts reached this objective, "
             f"{agreement.n_converged} reported convergence"
         )
+        told += _few(agreement, ends)
     if not agreement.unique:
         told += "; it is met in different places, so the optimum is not unique"
     return agreement.n_converged > 0 or agreement.n_best > 1, told
+
+
+def _few(agreement: Agreement, ends: Ends) -> str:
+    """Return a warning where fewer than half of the starts converge, or agree."""
+    told = ""
+    if 2 * agreement.n_converged < agreement.n_starts:
+        told += f"; fewer than half converged, most of the others say: {ends.commonest_failure()}"
+    if 2 * agreement.n_best < agreement.n_rivals:
+        why = "the others ended in worse local optima" if not told else "the others stopped short of it"
+        told += f"; fewer than half agree, {why}: more starts may find a better one"
+    return told
 
 
 def _solve_again(optimum: Optimum, problem: Problem, scales: Scales, truth: Model) -> Optimum:

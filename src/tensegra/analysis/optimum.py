@@ -54,6 +54,8 @@ class Agreement:
     n_starts, n_converged, n_best
         Starts; those whose method reported convergence; those that reached the best objective (within a
         millionth of its spread).
+    n_rivals
+        Those that could have: where variables are discrete, the starts with the best values of these.
     x_low, x_high
         The box (n_inputs,) around all points known to have that objective: those visited, and those found by
         stepping along the kink that the optimum lies on.
@@ -64,6 +66,7 @@ class Agreement:
     n_starts: int
     n_converged: int
     n_best: int
+    n_rivals: int
     x_low: Array
     x_high: Array
     unique: bool
@@ -79,6 +82,8 @@ class Optimum:
         What was asked.
     formula, constraints, maximise, bounds
         The problem; bounds are (n_inputs, 2).
+    search, held
+        Names of the inputs that were searched; the number at which each other one was held.
     x, inputs
         The optimum, as an array (n_inputs,) and by name.
     objective, outputs
@@ -110,6 +115,8 @@ class Optimum:
     maximise: bool
     input_names: tuple[str, ...]
     bounds: Array
+    search: tuple[str, ...]
+    held: Mapping[str, float]
     x: Array
     inputs: Mapping[str, float]
     objective: float
@@ -160,7 +167,9 @@ class Optimum:
         return dict(plain(content))
 
     def __str__(self) -> str:
-        place = ", ".join(f"{name} = {value:.6g}" for name, value in self.inputs.items())
+        place = ", ".join(f"{name} = {self.inputs[name]:.6g}" for name in self.search)
+        if self.held:
+            place += "; held: " + ", ".join(f"{name} = {value:.6g}" for name, value in self.held.items())
         gap = "" if self.gap is None else f", true {self.true_objective:.6g} (gap {self.gap:.2g})"
         word = "maximum" if self.maximise else "minimum"
         found = f"{word} of {self.formula} by {self.method}: {self.objective:.6g}{gap} at {place}"

@@ -1,4 +1,4 @@
-"""What a calibration returns: the posterior, how far its chains can be trusted, and what it predicts."""
+"""What a calibration returns: the posterior, how far its draws can be trusted, and what it predicts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ class Parameter:
     prior_mean, prior_std
         Of the prior.
     rhat, bulk_ess, tail_ess
-        Of its chains, see `tensegra.analysis.diagnostics`.
+        Of its populations, see `tensegra.analysis.diagnostics`.
     """
 
     name: str
@@ -96,13 +96,16 @@ class Calibration:
     mode
         The most probable parameters (in the normal space of the prior).
     draws, prior_draws
-        Draws of the posterior (n_chains, n_draws, n_parameters) and of the prior (n, n_parameters).
+        Draws of the posterior (n_chains, n_draws, n_parameters), a population each, and of the prior (n,
+        n_parameters).
     prediction
         What the posterior predicts for the measured states.
     acceptance, n_divergent, n_evaluations
         Of the sampler: mean acceptance, trajectories lost, model evaluations.
     units
         By name.
+    notes
+        What a reader must know of the posterior: parameters at the end of their prior or outside the box.
     after
         Outputs under further inputs, drawn from the prior and from the posterior, where they were asked for.
     """
@@ -127,11 +130,12 @@ class Calibration:
     n_divergent: int
     n_evaluations: int
     units: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
     after: tuple[Propagation, ...] = ()
 
     @property
     def success(self) -> bool:
-        """Whether the chains agree and their draws are enough."""
+        """Whether the populations agree and their draws are enough."""
         return all(
             p.rhat <= LARGEST_RHAT and min(p.bulk_ess, p.tail_ess) >= SMALLEST_ESS for p in self.parameters
         )
@@ -144,9 +148,10 @@ class Calibration:
         told = f"largest R̂ {worst.rhat:.3f}, least effective sample size {least:.0f}"
         if not self.success:
             told += (
-                f"; the chains have not converged (R̂ at most {LARGEST_RHAT}, "
-                f"{SMALLEST_ESS} effective draws are wanted): draw more, or look for several modes"
+                f"; the populations do not agree (R̂ at most {LARGEST_RHAT}, "
+                f"{SMALLEST_ESS} effective draws are wanted): draw more"
             )
+        told += "".join(f"; {note}" for note in self.notes)
         if self.n_divergent:
             told += f"; {self.n_divergent} trajectories lost their energy"
         if self.prediction.p_value < UNLIKELY:

@@ -18,8 +18,9 @@ from tensegra.errors import StudyError
 
 Array = NDArray[np.float64]
 
-# Probabilities closer to 0 or 1 than this are taken for it: a quantile there may be infinite.
-LEAST_PROBABILITY = 1e-15
+# A probability below this is taken for it, on either side: a quantile there may be infinite. It lies 37
+# standard deviations off.
+LEAST_PROBABILITY = 1e-300
 # Step of central differences in z, for a law that has no density.
 STEP = 1e-4
 
@@ -48,8 +49,6 @@ class Prior:
 
     def values(self, Z: Array) -> tuple[Array, Array]:
         """Return the inputs (n, n_inputs) at normal coordinates (n, p), and their derivatives by them."""
-        from scipy.special import ndtr
-
         n, laws = len(Z), self.laws
         factor = np.eye(self.n_parameters)
         if laws.copula is not None and laws.copula.correlation is not None:
@@ -67,7 +66,7 @@ class Prior:
             elif not isinstance(law, SameAs):
                 row = laws.independent.index(name)
                 z = correlated[:, row]
-                X[:, column] = _quantile(law, ndtr(z))
+                X[:, column] = _at_normal(law, z)
                 slopes[:, column] = _rate(law, z, X[:, column])[:, None] * factor[row]
         for column, law in enumerate(by_name.values()):
             if isinstance(law, SameAs):
@@ -107,17 +106,20 @@ def prior_of(model: Model, known: tuple[str, ...], inputs: Mapping[str, object])
     return Prior(laws)
 
 
-def _quantile(law: Any, u: Array) -> Array:  # noqa: ANN401 - anything with a ppf
-    return np.asarray(law.ppf(np.clip(u, LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY)), dtype=float)
+def _at_normal(law: Any, z: Array) -> Array:  # noqa: ANN401 - anything with a ppf
+    """Return the quantiles at Φ(z), in the upper half from the probability above, which stays exact."""
+    from scipy.special import ndtr
+
+    tail = np.maximum(ndtr(-np.abs(z)), LEAST_PROBABILITY)
+    upper = law.isf(tail) if hasattr(law, "isf") else law.ppf(1.0 - np.maximum(tail, np.finfo(float).epsneg))
+    return np.where(z > 0.0, np.asarray(upper, dtype=float), np.asarray(law.ppf(tail), dtype=float))
 
 
 def _rate(law: Any, z: Array, x: Array) -> Array:  # noqa: ANN401 - anything with a ppf
     """Return dx/dz = φ(z)/f(x)."""
-    from scipy.special import ndtr
-
     if hasattr(law, "pdf"):
         density = np.asarray(law.pdf(x), dtype=float)
         if np.all(density > 0.0):
             return np.asarray(np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) / density)
-    ahead, behind = (_quantile(law, ndtr(z + step)) for step in (STEP, -STEP))
+    ahead, behind = (_at_normal(law, z + step) for step in (STEP, -STEP))
     return (ahead - behind) / (2.0 * STEP)

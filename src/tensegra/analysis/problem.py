@@ -13,8 +13,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegra.analysis.compiled import contiguous
+from tensegra.analysis.discrete import Levels
 from tensegra.analysis.expression import Constraint, Expression, parse_constraint, parse_expression
-from tensegra.analysis.model import Evaluation, Model, SurrogateModel, column_index
+from tensegra.analysis.model import Evaluation, Model, SurrogateModel
+from tensegra.analysis.searched import held_values, levels_of, searched_inputs
 from tensegra.errors import StudyError
 
 Array = NDArray[np.float64]
@@ -43,12 +46,16 @@ class Assessment:
 
 @dataclass(frozen=True)
 class Local:
-    """The scaled problem and its derivatives at one point."""
+    """The scaled problem and its derivatives at one point; all arrays are contiguous."""
 
     f: float
     df: Array
     c: Array
     dc: Array
+
+    def __post_init__(self) -> None:
+        for name in ("df", "c", "dc"):
+            object.__setattr__(self, name, contiguous(getattr(self, name)))
 
 
 @dataclass(frozen=True)
@@ -71,9 +78,13 @@ class Problem:
     objective, constraints
         Formulas over the outputs and inputs of the model.
     bounds
-        The box (d, 2).
+        The box (d, 2), without width for an input that is held.
     maximise
         Whether the largest objective is wanted.
+    search
+        Names of the inputs that are searched; the others are held.
+    levels
+        The values that discrete inputs take, in the unit cube.
     """
 
     model: Model
@@ -81,6 +92,19 @@ class Problem:
     constraints: tuple[Constraint, ...]
     bounds: Array
     maximise: bool
+    search: tuple[str, ...]
+    levels: Levels
+
+    @property
+    def held(self) -> dict[str, float]:
+        """The number at which each input that is not searched is held."""
+        pairs = zip(self.model.input_names, self.bounds[:, 0].tolist(), strict=True)
+        return {name: value for name, value in pairs if name not in self.search}
+
+    @property
+    def fixed(self) -> NDArray[np.bool_]:
+        """Which inputs have no room in the box, shape (d,)."""
+        return np.asarray(self.bounds[:, 0] == self.bounds[:, 1])
 
     @property
     def n_inputs(self) -> int:
@@ -97,7 +121,14 @@ class Problem:
     def from_unit(self, Z: ArrayLike) -> Array:
         """Map the unit cube to the box."""
         low, high = self.bounds.T
-        return np.asarray(np.clip(low + np.asarray(Z, dtype=float) * (high - low), low, high))
+        Z = np.asarray(Z, dtype=float)
+        X = np.asarray(np.clip(low + Z * (high - low), low, high))
+        return self.levels.restore(Z, X) if self.levels.mask.any() and Z.ndim == 2 else X
+
+    def to_unit(self, X: ArrayLike) -> Array:
+        """Map the box to the unit cube; an input that is held lies at 0."""
+        low, high = self.bounds.T
+        return np.asarray((np.asarray(X, dtype=float) - low) / np.where(high > low, high - low, 1.0))
 
     def columns(self, X: Array, outputs: Array) -> dict[str, Array]:
         """Return inputs and outputs by name, as the formulas want them."""
@@ -242,14 +273,24 @@ def state_problem(
     bounds: Mapping[str, Sequence[float]] | None = None,
     constraints: Sequence[str] = (),
     maximise: bool = False,
+    search: Sequence[str] | None = None,
+    inputs: Mapping[str, object] | None = None,
 ) -> Problem:
-    """Read the formulas and settle the box.
+    """Read the formulas, settle what is searched, and the box.
+
+    Parameters
+    ----------
+    model, objective, bounds, constraints, maximise
+        The problem.
+    search, inputs
+        What is searched and where the rest is held, as `tensegra.analysis.searched` settles it.
 
     Raises
     ------
     StudyError
-        For a formula that cannot be read, an unknown variable among the bounds, a bound that is none, a box
-        that leaves that of a surrogate, and a name that is both input and output.
+        For a formula that cannot be read, an unknown variable, one that is told both to be searched and not
+        to, a bound that is none, a box that leaves that of a surrogate, and a name that is both input and
+        output.
     """
     names = (*model.input_names, *model.output_names)
     doubled = sorted({name for name in names if names.count(name) > 1})
@@ -263,11 +304,21 @@ def state_problem(
         )
     ]
     formula = parse_expression(objective, names, place="objective")
-    return Problem(model, formula, tuple(conditions), _box(model, bounds or {}), maximise)
+    bounds, inputs = bounds or {}, inputs or {}
+    searched = searched_inputs(model, search, inputs, {"bounds": bounds})
+    for condition in conditions:
+        if set(condition.margin.names) <= set(model.input_names) - set(searched):
+            expected = f"a condition that what is searched ({', '.join(searched)}) can move"
+            raise StudyError.at("constraints", condition.text, expected)
+    held = {name: (value, value) for name, value in held_values(model, searched, inputs).items()}
+    box = _box(model, {**bounds, **held})
+    levels = Levels.of(model.input_names, box, levels_of(model))
+    confined = getattr(model, "confined", None)  # no difference step is to leave the box
+    model = model if confined is None else confined(box)
+    return Problem(model, formula, tuple(conditions), box, maximise, searched, levels)
 
 
 def _box(model: Model, bounds: Mapping[str, Sequence[float]]) -> Array:
-    column_index(model.input_names, tuple(bounds), "bounds")
     rows = []
     for column, name in enumerate(model.input_names):
         own = None if model.bounds is None else model.bounds[column]

@@ -16,7 +16,8 @@ class Estimate:
     value
         The estimate; NaN where nothing can be said.
     low, high
-        The interval's ends; NaN where none exists (the ends of a sample have no distribution-free interval).
+        The interval's ends; NaN where none exists (the ends of a sample have no distribution-free interval),
+        infinite where nothing bounds it on that side.
     """
 
     value: float
@@ -24,7 +25,7 @@ class Estimate:
     high: float = float("nan")
 
     def __str__(self) -> str:
-        if np.isfinite(self.low) and np.isfinite(self.high):
+        if not np.isnan(self.low) and not np.isnan(self.high):
             return f"{self.value:.6g} [{self.low:.6g}, {self.high:.6g}]"
         return f"{self.value:.6g}"
 

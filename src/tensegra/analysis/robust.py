@@ -23,6 +23,7 @@ from tensegra.analysis.problem import Problem, state_problem
 from tensegra.analysis.propagation import Propagation, propagate
 from tensegra.analysis.results import Estimate, plain
 from tensegra.analysis.scatter import Scatter, scatter
+from tensegra.analysis.searched import levels_of
 from tensegra.analysis.truth import TrueModel
 from tensegra.errors import StudyError
 
@@ -42,11 +43,13 @@ class RobustOptimum:
         What was asked; `measure` is the statistic in words.
     laws
         The law of each error and random input, in words.
+    search
+        Names of the inputs that were designed; the others keep the laws in `laws`.
     n_draws
         Draws that the statistic was taken over.
     robust, nominal
         The two optima. The objective of `robust` is the statistic, that of `nominal` the formula itself with
-        all errors at their medians.
+        all errors and random inputs at their means.
     spreads
         By ``robust`` and ``nominal``: what comes of the design, by the model and, where there is one, by the
         true model. The formula and the least margin of each constraint stand among the outputs.
@@ -63,6 +66,7 @@ class RobustOptimum:
     maximise: bool
     measure: str
     laws: Mapping[str, str]
+    search: tuple[str, ...]
     n_draws: int
     robust: Optimum
     nominal: Optimum
@@ -157,6 +161,11 @@ class RobustModel:
         """Units by name."""
         return self.scatter.model.units
 
+    @property
+    def levels(self) -> dict[str, Array]:
+        """The values of the designed inputs that are discrete, by name."""
+        return self.scatter.levels
+
     def evaluate(self, X: ArrayLike) -> Evaluation:
         """Return the statistics at designs (n, n_designed); a draw that fails spoils its design."""
         X = points(X, self.input_names)
@@ -212,6 +221,7 @@ def robust_optimise(
     model: object,
     objective: str,
     *,
+    search: Sequence[str] | None = None,
     errors: Mapping[str, object] | None = None,
     inputs: Mapping[str, object] | None = None,
     kappa: float | None = None,
@@ -238,11 +248,15 @@ def robust_optimise(
         A `Model`, a surrogate or a study (the true model).
     objective, constraints, maximise
         As for `tensegra.optimise`; equality constraints cannot hold under errors and are refused.
+    search
+        Names of the inputs to design; by default the actuators of the study and what has bounds or errors
+        (all inputs of a model that has no actuators), less what `inputs` names. One that is discrete stays
+        on its values. All others keep their joint law.
     errors
         By designed input: the law of the error that adds to it, such as
         ``{"normal": {"mean": 0, "std": 0.002}}``; ``{"same_as": name}`` for one error at several.
     inputs
-        By input that is not designed: its law, such as a temperature's.
+        By input that is not designed: a law in place of its own, or a number.
     kappa
         The statistic is mean − κ · std where more is better, mean + κ · std where less is; 2 unless given.
     quantile
@@ -285,21 +299,28 @@ def robust_optimise(
         )
     asked = as_model(model)
     stated = state_problem(
-        asked, objective, bounds=_everything(asked), constraints=constraints, maximise=maximise
+        asked,
+        objective,
+        bounds=_everything(asked),
+        constraints=constraints,
+        maximise=maximise,
+        search=asked.input_names,
     )
     for constraint in stated.constraints:
         if constraint.equality:
             raise StudyError.at(
                 "constraints", constraint.text, "a band such as -0.1 <= v <= 0.1: errors break any equality"
             )
-    around = scatter(asked, errors, inputs)
+    around = scatter(asked, errors, inputs, search, bounds)
+    if not around.scatters:
+        raise StudyError("robust: nothing scatters, every input is designed without an error or fixed")
     if isinstance(asked, TrueModel):
         around = replace(around, model=replace(asked, ahead=True))
     measure = Measure.of(kappa, quantile)
     drawn = around.draw(draws, seed)
     box = around.bounds(dict(bounds or {}), drawn)
     optima = {}
-    for design, sample in (("robust", drawn), ("nominal", around.median())):
+    for design, sample in (("robust", drawn), ("nominal", around.centre())):
         optima[design] = optimise(
             _stated(stated, around, measure, sample, box),
             "statistic",
@@ -313,6 +334,9 @@ def robust_optimise(
             progress=progress,
         )
     truth = None if true_model is None else as_model(true_model)
+    if truth is not None and truth.input_names != asked.input_names:
+        expected = f"the inputs {list(asked.input_names)}"
+        raise StudyError.at("robust.true_model", list(truth.input_names), expected)
     result = RobustOptimum(
         name=name,
         model=asked.name,
@@ -323,6 +347,7 @@ def robust_optimise(
         maximise=maximise,
         measure=measure.words(objective, maximise=maximise),
         laws=around.laws.describe(),
+        search=around.design_names,
         n_draws=len(drawn),
         robust=optima["robust"],
         nominal=optima["nominal"],
@@ -336,7 +361,12 @@ def robust_optimise(
 
 def _everything(model: Model) -> dict[str, Sequence[float]]:
     """Return bounds for a problem of which only the formulas are used."""
-    return {} if model.bounds is not None else dict.fromkeys(model.input_names, (0.0, 1.0))
+    if model.bounds is not None:
+        return {}
+    levels = levels_of(model)
+    return {
+        name: (levels[name][0], levels[name][-1]) if name in levels else (0, 1) for name in model.input_names
+    }
 
 
 def _stated(
@@ -367,7 +397,7 @@ def _spread(
     known = {key: value for key, value in formulas.items() if key not in stated.model.output_names}
     compared = None
     if truth is not None and truth.name != around.model.name:
-        compared = scatter(truth, *_split(around)).at(x, known)
+        compared = replace(around, model=truth).at(x, known)
     return propagate(
         around.at(x, known),
         around.given(),
@@ -378,16 +408,6 @@ def _spread(
         seed=seed,
         confidence=confidence,
         name=name,
-    )
-
-
-def _split(around: Scatter) -> tuple[dict[str, object], dict[str, object]]:
-    """Return errors and inputs as they were given."""
-    given = around.given()
-    designed = set(around.design_names)
-    return (
-        {name: law for name, law in given.items() if name in designed},
-        {name: law for name, law in given.items() if name not in designed},
     )
 
 

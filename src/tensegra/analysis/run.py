@@ -178,6 +178,8 @@ def _optimisation(study: "Study", models: _Models, entry: Any, progress: Progres
         yield optimise(
             models.named(TRUTH if method == "direct" else entry.model),
             entry.objective,
+            search=entry.search,
+            inputs=_laws(entry.inputs),
             bounds=entry.bounds,
             constraints=entry.constraints,
             maximise=entry.maximise,
@@ -197,6 +199,7 @@ def _robust(study: "Study", models: _Models, entry: Any, progress: Progress | No
     yield robust_optimise(
         models.named(entry.model),
         entry.objective,
+        search=entry.search,
         errors=_laws(entry.errors),
         inputs=_laws(entry.inputs),
         kappa=entry.kappa,
@@ -218,6 +221,7 @@ def _inverse(study: "Study", models: _Models, entry: Any, progress: Progress | N
     yield reach(
         models.named(entry.model),
         entry.targets,
+        search=entry.search,
         bounds=entry.bounds,
         errors=_laws(entry.errors),
         inputs=_laws(entry.inputs),

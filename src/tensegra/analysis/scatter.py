@@ -5,20 +5,23 @@ both; at each design it gives the inputs that may come, from one fixed set of dr
 what follows from them is a smooth function of the design.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegra.analysis.expression import Expression
-from tensegra.analysis.inputs import RandomInputs, random_inputs
+from tensegra.analysis.inputs import RandomInputs
 from tensegra.analysis.model import Evaluation, FunctionModel, Model, SurrogateModel, points
+from tensegra.analysis.searched import levels_of, mean_of_each, rest_laws, searched_inputs
 from tensegra.errors import StudyError
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from tensegra.study.space import Space
 
-MEDIAN = 0.5
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -50,14 +53,27 @@ class Scatter:
         """Return `n` draws (n, n_inputs) of errors and random inputs, evenly spread (scrambled Sobol)."""
         from scipy.stats import qmc
 
+        if not self.laws.n_dimensions:
+            return self.centre()
         sampler = qmc.Sobol(self.laws.n_dimensions, rng=np.random.default_rng(seed))
         return self.laws.from_unit(
             np.clip(sampler.random(1 << max(n - 1, 1).bit_length())[:n], 2.0**-31, 1.0)
         )
 
-    def median(self) -> Array:
-        """Return the medians (1, n_inputs)."""
-        return self.laws.from_unit(np.full((1, self.laws.n_dimensions), MEDIAN))
+    def centre(self) -> Array:
+        """Return the means (1, n_inputs); of a discrete law the value nearest to it."""
+        means = mean_of_each(self.laws)
+        return np.array([[means[name] for name in self.laws.names]])
+
+    @property
+    def scatters(self) -> bool:
+        """Whether anything is random."""
+        return self.laws.n_dimensions > 0
+
+    @property
+    def levels(self) -> dict[str, Array]:
+        """The values of the designed inputs that are discrete, by name."""
+        return {name: values for name, values in levels_of(self.model).items() if name in self.design_names}
 
     def around(self, x: ArrayLike, draws: Array) -> Array:
         """Return the inputs (n, n_draws, n_inputs) that designs (n, n_designed) may come to."""
@@ -111,8 +127,10 @@ class Scatter:
         return Scattered(self, np.asarray(x, dtype=float), dict(formulas or {}))
 
     def given(self) -> dict[str, object]:
-        """Return the laws as `tensegra.propagate` takes them for `at`."""
-        return dict(zip(self.laws.names, self.laws.laws, strict=True))
+        """Return the laws as `tensegra.propagate` takes them for `at`; correlated ones are in its space."""
+        joint = () if self.laws.copula is None else self.laws.copula.names
+        pairs = zip(self.laws.names, self.laws.laws, strict=True)
+        return {name: law for name, law in pairs if name not in joint}
 
 
 @dataclass(frozen=True)
@@ -124,7 +142,11 @@ class Scattered:
     formulas: Mapping[str, tuple[Expression, ...]] = field(default_factory=dict)
 
     bounds = None
-    space = None
+
+    @property
+    def space(self) -> "Space | None":
+        """The joint law of the inputs that are correlated, or None."""
+        return self.scatter.laws.copula
 
     @property
     def name(self) -> str:
@@ -175,33 +197,28 @@ def scatter(
     model: Model,
     errors: Mapping[str, object] | None = None,
     inputs: Mapping[str, object] | None = None,
+    search: Sequence[str] | None = None,
+    bounds: Mapping[str, Sequence[float]] | None = None,
 ) -> Scatter:
-    """Settle what scatters around the designs of a model.
+    """Settle what is designed, and what scatters around the designs of a model.
 
     Parameters
     ----------
     model
-        All of its inputs are designed but those in `inputs`.
+        Its space gives the laws of the inputs that are not designed and that `inputs` leaves out.
     errors
         By designed input: the law of the error that adds to it, or ``SameAs`` another for a shared one.
     inputs
         By input: the law that it has whatever the design, or a number.
+    search, bounds
+        What is designed, as `tensegra.analysis.searched` settles it.
 
     Raises
     ------
     StudyError
-        For an unknown input, one in both mappings, or where nothing is designed or nothing scatters.
+        For an unknown input, one that is told both to be designed and not to, or where nothing is designed.
     """
     errors, inputs = dict(errors or {}), dict(inputs or {})
-    for name in errors:
-        if name not in model.input_names:
-            raise StudyError.at("errors", name, "an input of the model", candidates=model.input_names)
-        if name in inputs:
-            raise StudyError.at(
-                "errors", name, "an input that is designed, not one that has a law of its own"
-            )
-    is_designed = np.array([name not in inputs for name in model.input_names])
-    if not is_designed.any():
-        raise StudyError("inputs: every input has a law, there is nothing to design")
-    given = {name: errors.get(name, 0.0) for name in model.input_names if name not in inputs}
-    return Scatter(model, random_inputs(model, given | inputs), is_designed)
+    searched = searched_inputs(model, search, inputs, {"errors": errors, "bounds": bounds or {}})
+    is_designed = np.array([name in searched for name in model.input_names])
+    return Scatter(model, rest_laws(model, searched, inputs, errors), is_designed)

@@ -150,9 +150,10 @@ def morris_screening(
     model
         A `Model`, a surrogate or a study (the true model).
     inputs
-        By variable: a distribution, a number or ``SameAs(variable)``; what is left out is uniform on the
-        model's box (for a study: has the study's own law). The random inputs must be independent. The range
-        of an infinite law is that between its 1 % and 99 % quantiles.
+        By variable: a distribution, a number or ``SameAs(variable)``; what is left out has the law
+        of the study, as a surrogate of it has too, or is uniform on the model's box where there is none. The
+        random inputs must be independent. The range of an infinite law is that between its 1 % and 99 %
+        quantiles.
     trajectories
         The model runs trajectories · (random inputs + 1) times.
     levels

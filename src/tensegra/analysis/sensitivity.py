@@ -7,7 +7,8 @@ dropped, and the share dropped is reported with the result, because indices of t
 indices of a different question when the share is large.
 
 First order: Saltelli et al. 2010, doi:10.1016/j.cpc.2009.09.018, Table 2 (b); total: Jansen's, Table 2 (f);
-second order: Saltelli 2002, doi:10.1016/S0010-4655(02)00280-1. Intervals: the normal bootstrap over blocks.
+second order: Saltelli 2002, doi:10.1016/S0010-4655(02)00280-1. Intervals: the normal bootstrap over blocks,
+all resamples in one matrix product (`tensegra.analysis.bootstrap`).
 Base points are a scrambled Sobol sequence, more even than the independent points the bootstrap takes them
 for, so the intervals are on the wide side.
 """
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.analysis.blockruns import CHUNK, ask_blocks, unit_cube
+from tensegra.analysis.bootstrap import half_widths
 from tensegra.analysis.inputs import RandomInputs, random_inputs
 from tensegra.analysis.model import as_model, column_index
 from tensegra.analysis.results import plain
@@ -182,8 +184,9 @@ def sobol_indices(
     model
         A `Model`, a surrogate or a study (the true model).
     inputs
-        By variable: a distribution, a number or ``SameAs(variable)``; what is left out is uniform on the
-        model's box (for a study: has the study's own law). The random inputs must be independent.
+        By variable: a distribution, a number or ``SameAs(variable)``; what is left out has the law
+        of the study, as a surrogate of it has too, or is uniform on the model's box where there is none. The
+        random inputs must be independent.
     samples
         Base points N, a power of two; the model runs N (2d + 2) times, or N (d + 2) without the second order.
     second_order
@@ -288,18 +291,22 @@ class _Estimator:
             unit_cube(self.laws),
             blocks.ravel(),
             calc_second_order=second_order,
-            num_resamples=self.resamples,
+            num_resamples=2,  # its loop over resamples is not used
             conf_level=self.confidence,
             seed=self.seed + 1,  # SALib takes the seed 0 for none
+        )
+        rng = np.random.default_rng(self.seed + 1)
+        halves = half_widths(
+            blocks, rng, resamples=self.resamples, confidence=self.confidence, second_order=second_order
         )
         return Indices(
             output=output,
             unit=unit,
             variance=float(blocks[:, [0, -1]].var(ddof=1)),  # the columns A and B: independent base points
             first=np.array(found["S1"]),
-            first_half=np.array(found["S1_conf"]),
+            first_half=halves[0],
             total=np.array(found["ST"]),
-            total_half=np.array(found["ST_conf"]),
+            total_half=halves[1],
             second=np.array(found["S2"]) if second_order else None,
-            second_half=np.array(found["S2_conf"]) if second_order else None,
+            second_half=halves[2] if second_order else None,
         )

@@ -78,6 +78,13 @@ class Sketch:
         """Return the unbiased variance, NaN for fewer than two values."""
         return float(self.powers[0]) / (self.count - 1) if self.count > 1 else float("nan")
 
+    def values_and_counts(self) -> tuple[Array, Array]:
+        """Return the values and how often each occurred; binned ones stand at the middle of their bin."""
+        bins = self._settled()
+        if bins is None:
+            return (self._sorted(), np.ones(self.count)) if self.count else (np.zeros(0), np.zeros(0))
+        return bins.edge(np.arange(bins.counts.size) + 0.5), bins.counts.astype(float)
+
     def order_statistic(self, rank: int) -> tuple[float, float]:
         """Bracket the `rank`-th smallest value, 1 ≤ rank ≤ count."""
         bins = self._settled()

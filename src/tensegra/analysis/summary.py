@@ -95,6 +95,10 @@ class Summary:
         """Return the share of the samples above `limit`, without an interval."""
         return float(np.mean(self._pooled.count_above(limit))) / self.n if self.n else float("nan")
 
+    def value_at(self, probability: float) -> float:
+        """Return a quantile without an interval."""
+        return self._pooled.quantile(probability)
+
     def rows(self) -> dict[str, Estimate]:
         """Return the paper's statistics (its Table 2) in its order."""
         return {
@@ -181,5 +185,12 @@ def _density(pooled: Sketch, quartile_range: float) -> Density:
     fine = int(np.clip(20 * (pooled.maximum - pooled.minimum) / bandwidth, 200, 20_000))
     counts, edges = pooled.histogram(fine)
     centres, weight = 0.5 * (edges[1:] + edges[:-1]), counts / (pooled.count * bandwidth * np.sqrt(2 * np.pi))
-    values = np.array([weight @ np.exp(-0.5 * ((point - centres) / bandwidth) ** 2) for point in grid])
+    # What lies 8 bandwidths off adds less than 1e-14 of its weight.
+    ends = np.searchsorted(centres, [grid - 8.0 * bandwidth, grid + 8.0 * bandwidth]).T
+    values = np.array(
+        [
+            weight[first:last] @ np.exp(-0.5 * ((point - centres[first:last]) / bandwidth) ** 2)
+            for point, (first, last) in zip(grid, ends.tolist(), strict=True)
+        ]
+    )
     return Density(grid, values, bandwidth)

@@ -22,10 +22,12 @@ class Trajectory:
         What was asked; a waypoint is reached where every output misses by no more than `tolerance`.
     input_names, x, bounds
         The designed inputs (n_waypoints, n_designed), and their box.
+    held
+        By input that is not designed: the number that the search took it at.
     target_names, targets, outputs
         The outputs with targets: wanted and reached, (n_waypoints, n_targets).
     reached
-        Shape (n_waypoints,).
+        Shape (n_waypoints,): by the true model, where there is one.
     low, high
         The interval that each output lies in under the errors and, for a surrogate, its own uncertainty.
     laws, n_samples, n_failed
@@ -44,6 +46,7 @@ class Trajectory:
     confidence: float
     tolerance: tuple[float, ...]
     input_names: tuple[str, ...]
+    held: Mapping[str, float]
     x: Array
     bounds: Array
     target_names: tuple[str, ...]
@@ -71,9 +74,11 @@ class Trajectory:
         if self.true_status is not None and set(self.true_status) - {"stable"}:
             told += f"; the true model: {', '.join(self.true_status)}"
         if not self.success:
-            worst = np.nanmax(np.abs(self.outputs - self.targets), axis=0)
-            missed = ", ".join(f"{n} by {m:.3g}" for n, m in zip(self.target_names, worst, strict=True))
-            told += f"; within these bounds the others are missed, at most {missed}"
+            reached = self.outputs if self.true_outputs is None else self.true_outputs
+            misses = np.abs(reached - self.targets)
+            known = [(n, m[np.isfinite(m)]) for n, m in zip(self.target_names, misses.T, strict=True)]
+            missed = ", ".join(f"{name} by {found.max():.3g}" for name, found in known if found.size)
+            told += f"; within these bounds the others are missed, at most {missed or 'without a result'}"
         return told
 
     def table(self) -> list[dict[str, Any]]:

@@ -46,6 +46,8 @@ class TrueModel:
         Whether `evaluate` differentiates too and remembers, for a method that asks for the derivatives next.
     of
         Outputs to differentiate, all unless given; the derivatives of the others are NaN.
+    within
+        The box (n_inputs, 2) that differences stay in, where it is narrower than that of the space.
     """
 
     study: "Study"
@@ -54,6 +56,7 @@ class TrueModel:
     solver: "Solver | None" = None
     ahead: bool = False
     of: tuple[str, ...] | None = None
+    within: Array | None = None
     _kept: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
@@ -86,6 +89,10 @@ class TrueModel:
     def counts(self) -> tuple[str, ...]:
         """Outputs that count, so that only whole numbers can be equal."""
         return tuple(output.name for output in self.study.outputs if output.quantity == COUNT)
+
+    def confined(self, box: Array) -> "TrueModel":
+        """Return the model that takes its differences within a box (n_inputs, 2)."""
+        return replace(self, within=box)
 
     def evaluate(self, X: ArrayLike) -> Evaluation:
         """Solve the structure at the points `X` (n, n_inputs)."""
@@ -148,7 +155,9 @@ class TrueModel:
         ]
         if rest:
             study = replace(self.study, outputs=tuple(self.study.outputs[k] for k in rest))
-            dY[:, rest] = central_differences(replace(self, study=study, ahead=False, of=None), X)
+            dY[:, rest] = central_differences(
+                replace(self, study=study, ahead=False, of=None), X, self.within
+            )
         dY[~np.isin(runs.status, self.statuses)] = np.nan
         return dY
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegra.analysis.compiled import least_squares
+from tensegra.analysis.discrete import MOST_COMBINATIONS, Levels
 from tensegra.analysis.expression import Constraint, parse_constraint
-from tensegra.analysis.inputs import RandomInputs
 from tensegra.analysis.model import Model
 from tensegra.analysis.scatter import Scatter
 from tensegra.errors import StudyError
@@ -34,10 +35,10 @@ class WaypointSearch:
     model: Model
     columns: list[int]
     conditions: tuple[Constraint, ...]
-    around: Scatter | None
-    is_designed: NDArray[np.bool_]
+    around: Scatter
     nominal: Array
     box: Array
+    levels: Levels
     starts: Array
     answers: Array
     scales: Array
@@ -49,8 +50,7 @@ class WaypointSearch:
         model: Model,
         columns: list[int],
         conditions: tuple[Constraint, ...],
-        around: Scatter | None,
-        inputs: Mapping[str, object],
+        around: Scatter,
         bounds: Mapping[str, Sequence[float]],
         *,
         starts: int,
@@ -59,20 +59,19 @@ class WaypointSearch:
         """Settle box and scales, and try the starts."""
         from scipy.stats import qmc
 
-        is_designed = np.array([name not in inputs for name in model.input_names])
-        nominal = np.zeros(len(is_designed))
-        if around is None:
-            nominal[~is_designed] = [_number(n, inputs[n]) for n in model.input_names if n in inputs]
-        else:
-            nominal[~is_designed] = around.median()[0, ~is_designed]
-        fixed = around or Scatter(model, _no_laws(model), is_designed)
-        drawn = np.zeros((1, len(is_designed))) if around is None else around.draw(64, seed)
-        box = np.array(list(fixed.bounds(dict(bounds), drawn).values()))
-        Z = qmc.LatinHypercube(len(box), rng=np.random.default_rng(seed)).random(starts)
+        drawn = around.draw(64, seed)
+        limits = around.bounds(dict(bounds), drawn)
+        box = np.array(list(limits.values()))
+        levels = Levels.of(tuple(limits), box, around.levels)
+        confined = getattr(model, "confined", None)  # no difference step is to leave the box
+        if confined is not None:
+            whole = np.tile(around.centre()[0][:, None], (1, 2))
+            whole[around.is_designed] = box
+            model = confined(whole)
+        Z = levels.snap(qmc.LatinHypercube(len(box), rng=np.random.default_rng(seed)).random(starts))
         nothing = np.zeros(0)
-        found = cls(
-            model, columns, conditions, around, is_designed, nominal, box, Z, nothing, nothing, nothing
-        )
+        nominal = np.where(around.is_designed, 0.0, around.centre()[0])
+        found = cls(model, columns, conditions, around, nominal, box, levels, Z, nothing, nothing, nothing)
         inputs_tried = found.inputs(found.from_unit(Z))
         values = model.evaluate(inputs_tried).values
         answers, margins = values[:, columns], found.margins(inputs_tried, values)[0]
@@ -106,9 +105,14 @@ class WaypointSearch:
         return np.asarray((margins >= -REACHED * self.room).all(axis=1))
 
     @property
+    def is_designed(self) -> NDArray[np.bool_]:
+        """Which inputs are designed, shape (n_inputs,)."""
+        return self.around.is_designed
+
+    @property
     def design_names(self) -> tuple[str, ...]:
         """Names of the designed inputs."""
-        return tuple(np.array(self.model.input_names)[self.is_designed].tolist())
+        return self.around.design_names
 
     def inputs(self, X: Array) -> Array:
         """Return all inputs (n, n_inputs) of designs (n, n_designed)."""
@@ -119,7 +123,9 @@ class WaypointSearch:
     def from_unit(self, Z: Array) -> Array:
         """Map the unit cube to the box."""
         low, high = self.box.T
-        return np.asarray(np.clip(low + Z * (high - low), low, high))
+        return self.levels.restore(
+            np.atleast_2d(Z), np.atleast_2d(np.clip(low + Z * (high - low), low, high))
+        )
 
     def begin(self, target: Array) -> Array:
         """Return the first solution, the nearest to rest."""
@@ -142,31 +148,67 @@ class WaypointSearch:
         return min(ends, key=lambda pair: pair[0])
 
     def _descend(self, target: Array, before: Array, z: Array) -> tuple[float, Array]:
-        """Return the cost and the place where the descent from `z` ends."""
-        from scipy.optimize import least_squares
+        """Return the cost and the place where the descent from `z` ends, discrete inputs on their values."""
+        nothing = np.zeros(len(z), dtype=bool)
+        mask = self.levels.mask
+        if not mask.any():
+            return self._in_the_rest(target, before, z, nothing)
+        if self.levels.n_combinations <= MOST_COMBINATIONS:
+            chosen = self.levels.combinations()
+        else:
+            _, relaxed = self._in_the_rest(target, before, z, nothing)
+            low, high = self.box.T
+            chosen = self.levels.around((relaxed - low) / (high - low))
+        ends = [self._in_the_rest(target, before, np.where(mask, c, z), mask) for c in chosen]
+        best = min(ends, key=lambda pair: pair[0])
+        while self.levels.n_combinations > MOST_COMBINATIONS:  # move on as long as that is better
+            low, high = self.box.T
+            beside = self.levels.beside((best[1] - low) / (high - low))
+            found = min(
+                (self._in_the_rest(target, before, c, mask) for c in beside),
+                key=lambda pair: pair[0],
+                default=best,
+            )
+            if found[0] >= best[0]:
+                break
+            best = found
+        return best
 
+    def _in_the_rest(
+        self, target: Array, before: Array, z: Array, frozen: NDArray[np.bool_]
+    ) -> tuple[float, Array]:
+        """Return the cost and the place where the descent in what is not `frozen` ends."""
         low, width = self.box[:, 0], self.box[:, 1] - self.box[:, 0]
-        asked = np.isfinite(target)
+        asked, free = np.isfinite(target), ~frozen
 
-        def residual(z: Array) -> Array:
-            inputs = self.inputs(self.from_unit(z)[None])
+        def whole(part: Array) -> Array:
+            point = z.copy()
+            point[free] = part
+            return point
+
+        def residual(part: Array) -> Array:
+            point = whole(part)
+            inputs = self.inputs(self.from_unit(point))
             values = self.model.evaluate(inputs).values
             misfit = (values[0, self.columns] - target)[asked] / self.scales[asked]
             missed = np.minimum(self.margins(inputs, values)[0][0] / self.room, 0.0)
-            return np.concatenate([misfit, missed, PULL * (z - (before - low) / width)])
+            return np.concatenate([misfit, missed, PULL * (point - (before - low) / width)])
 
-        def slope(z: Array) -> Array:
-            inputs = self.inputs(self.from_unit(z)[None])
+        def slope(part: Array) -> Array:
+            inputs = self.inputs(self.from_unit(whole(part)))
             values, slopes = self.model.evaluate(inputs).values, self.model.gradient(inputs)
             margins, rates = self.margins(inputs, values, slopes)
             misfit = slopes[0, self.columns][asked] / self.scales[asked, None]
             missed = np.where(margins[0] < 0.0, 1.0 / self.room, 0.0)[:, None] * rates[0]
             scaled = np.concatenate([misfit, missed])[:, self.is_designed] * width
-            return np.vstack([scaled, PULL * np.eye(len(z))])
+            return np.vstack([scaled, PULL * np.eye(len(z))])[:, free]
 
-        inside = np.clip(z, 1e-9, 1.0 - 1e-9)  # the method wants a start strictly within the bounds
-        if not np.isfinite(residual(inside)).all():
-            return np.inf, self.from_unit(z)
+        inside = np.clip(z[free], 1e-9, 1.0 - 1e-9)  # the method wants a start strictly within the bounds
+        first = residual(inside)
+        if not np.isfinite(first).all():
+            return np.inf, self.from_unit(z)[0]
+        if not free.any():
+            return 0.5 * float(first @ first), self.from_unit(z)[0]
         result = least_squares(
             residual,
             inside,
@@ -178,7 +220,7 @@ class WaypointSearch:
             gtol=TOLERANCE,
             max_nfev=60,
         )
-        return float(result.cost), self.from_unit(result.x)
+        return float(result.cost), self.from_unit(whole(result.x))[0]
 
 
 def conditions_of(model: Model, constraints: Sequence[str]) -> tuple[Constraint, ...]:
@@ -197,13 +239,3 @@ def conditions_of(model: Model, constraints: Sequence[str]) -> tuple[Constraint,
 
 def _positive(sizes: Array) -> Array:
     return np.where(sizes > 0.0, sizes, 1.0)
-
-
-def _number(name: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise StudyError.at(f"inputs.{name}", value, "a finite number or a law")
-    return float(value)
-
-
-def _no_laws(model: Model) -> RandomInputs:
-    return RandomInputs(model.input_names, tuple(0.0 for _ in model.input_names), ())

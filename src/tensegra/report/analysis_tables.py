@@ -124,6 +124,7 @@ def optimum_table(analyses: "Sequence[StoredAnalysis]") -> Table:
             *_on_bounds([content["inputs"][name] for content in contents], bounds),
         )
         for name, bounds in zip(first["input_names"], first["bounds"], strict=True)
+        if name in first["search"]
     ]
     labels: list[tuple[str, list[float | None]]] = []
     labels.append(("objective", [content["objective"] for content in contents]))
@@ -143,7 +144,10 @@ def optimum_table(analyses: "Sequence[StoredAnalysis]") -> Table:
     constraints = f" subject to {', '.join(first['constraints'])}" if first["constraints"] else ""
     note = (
         f"{'Greatest' if first['maximise'] else 'Least'} {first['formula']}{constraints} on {first['model']}"
+        f"; searched: {', '.join(first['search'])}"
     )
+    if first["held"]:
+        note += "; held: " + ", ".join(f"{name} = {number(value)}" for name, value in first["held"].items())
     methods = [content["method"] for content in contents]
     return Table.of(analyses[0].name, ("", *methods), rows, "s" + len(methods) * "r", note)
 
@@ -240,6 +244,9 @@ def robust_table(analysis: "StoredAnalysis") -> Table:
         f"{sense} {content['measure']}{constraints}, over {content['n_draws']} draws, by {content['method']}"
     )
     note += f"; the statistics are of {spreads[0]['n_samples']} samples"
+    rest = [f"{name} {law}" for name, law in content["laws"].items() if name not in content["search"]]
+    if rest:
+        note += f"; not designed: {', '.join(rest)}"
     return Table.of(analysis.name, ("", *designs), rows, "srr", note)
 
 
@@ -266,7 +273,10 @@ def inverse_table(analysis: "StoredAnalysis") -> Table:
             rows.append(row)
     note = f"{content['reason']}; the intervals hold {100 * content['confidence']:.0f} % of the outcomes"
     if content["n_samples"]:
-        note += f" of {content['n_samples']} samples of the errors"
+        note += f" of {content['n_samples']} samples of what scatters"
+    if content["held"]:
+        held = [f"{name} about {number(value)}" for name, value in content["held"].items()]
+        note += f"; not searched: {', '.join(held)}"
     lost = sum(content["n_failed"])
     if lost:
         note += f"; {lost} samples failed"

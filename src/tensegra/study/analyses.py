@@ -134,8 +134,14 @@ class Morris(_Analysis):
 
 
 class _Search(_Analysis):
-    """An objective and constraints, expressions in variables and outputs, in a box."""
+    """An objective and constraints, expressions in variables and outputs, in a box.
 
+    `search` names the variables to choose: by default the actuators and what has bounds (or errors), less
+    what `inputs` names.
+    """
+
+    search: Names | None = None
+    inputs: Inputs = Field(default_factory=dict)
     objective: str = Field(min_length=1)
     maximise: Flag = True
     constraints: tuple[str, ...] = ()
@@ -151,8 +157,9 @@ class _Search(_Analysis):
 class Optimisation(_Search):
     """The inputs at which an objective is best, by each of several methods.
 
-    The method ``direct`` searches on the structure itself, whatever the model. `acquisition` and its
-    parameter `xi` are those of ``bayesian``.
+    The variables that are not searched are held at the means of their laws, or of those in `inputs`. The
+    method ``direct`` searches on the structure itself, whatever the model. `acquisition` and its parameter
+    `xi` are those of ``bayesian``.
     """
 
     methods: tuple[Literal["slsqp", "bfgs", "bayesian", "direct"], ...] = Field(
@@ -167,11 +174,10 @@ class Robust(_Search):
     """The inputs at which a statistic of an objective is best, under `errors` that add to them.
 
     The statistic is mean - `kappa` std (+ where less is better), or the value that a share `quantile` of the
-    outcomes falls short of. `inputs` have laws of their own and are not designed.
+    outcomes falls short of. The variables that are not searched keep their joint law, or that in `inputs`.
     """
 
     errors: Inputs = Field(default_factory=dict)
-    inputs: Inputs = Field(default_factory=dict)
     kappa: Annotated[Number, Field(ge=0)] | None = None
     quantile: Share | None = None
     method: Literal["slsqp", "bfgs", "bayesian"] = "slsqp"
@@ -183,14 +189,17 @@ class Robust(_Search):
     def _check(self) -> Self:
         if self.kappa is not None and self.quantile is not None:
             raise ValueError("found kappa and quantile, expected one of them")
-        if not self.errors and not self.inputs:
-            raise ValueError("found neither errors nor inputs, expected something uncertain")
         return self
 
 
 class Inverse(_Analysis):
-    """The inputs that bring outputs to `targets`, numbers or lists of them along a trajectory."""
+    """The inputs that bring outputs to `targets`, numbers or lists of them along a trajectory.
 
+    `search` names the variables to choose, as for an optimisation; the others keep their joint law, or that
+    in `inputs`.
+    """
+
+    search: Names | None = None
     targets: dict[Identifier, Number | tuple[Number | None, ...]] = Field(min_length=1)
     bounds: Bounds = Field(default_factory=dict)
     errors: Inputs = Field(default_factory=dict)
@@ -275,6 +284,7 @@ def require_known_names(
         analysis, place = entry.value, f"{source} analyses[{i}].{entry.kind}"
         _require([analysis.model], "a surrogate or 'truth'", models, f"{place}.model")
         _require(analysis.outputs or (), "an output", outputs, f"{place}.outputs")
+        _require(getattr(analysis, "search", None) or (), "a variable", variables, f"{place}.search")
         _require_keys(analysis, variables, outputs, place)
         predict = getattr(analysis, "predict", None)
         if predict is not None:

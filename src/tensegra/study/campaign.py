@@ -173,7 +173,7 @@ class Campaign:
             bounds=np.stack(
                 [np.minimum(bounds[:, 0], X.min(axis=0)), np.maximum(bounds[:, 1], X.max(axis=0))], axis=1
             ),
-            distributions=study.space.distributions,
+            space=study.space,
             study_fingerprint=study.fingerprint,
         )
         if outputs is not None:

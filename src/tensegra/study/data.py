@@ -2,12 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegra.errors import StudyError
+
+if TYPE_CHECKING:
+    from tensegra.study.space import Space
 
 __all__ = ["Distribution", "TrainingData"]
 
@@ -46,6 +49,9 @@ class TrainingData:
         The box that the inputs were drawn from, shape (n_inputs, 2); the extremes of `X` where left out.
     distributions
         The law of each input, or None for the uniform law on `bounds`.
+    space
+        The joint law of the inputs, which travels with every surrogate of these data; its laws are the
+        `distributions`. None where there is nothing to know beyond these.
     study_fingerprint
         Hash of the study that the data come from, ``""`` for data from elsewhere.
 
@@ -73,6 +79,7 @@ class TrainingData:
     output_units: tuple[str, ...] = ()
     bounds: Array | None = None
     distributions: tuple[Distribution, ...] | None = None
+    space: "Space | None" = None
     study_fingerprint: str = ""
 
     def __post_init__(self) -> None:
@@ -91,6 +98,8 @@ class TrainingData:
             raise StudyError.at("training data: bounds", bounds.tolist(), f"{d} rows (lower, upper)")
         if self.distributions is not None and len(self.distributions) != d:
             raise StudyError.at("training data: distributions", len(self.distributions), f"{d} of them")
+        if self.space is not None and self.space.n_inputs != d:
+            raise StudyError.at("training data: space", self.space.names, f"{d} variables, one per column")
         settled = {
             "X": X,
             "Y": Y,
@@ -100,6 +109,7 @@ class TrainingData:
             "output_names": _labels("output_names", self.output_names, [f"y{i + 1}" for i in range(k)]),
             "input_units": _labels("input_units", self.input_units, [""] * d, unique=False),
             "output_units": _labels("output_units", self.output_units, [""] * k, unique=False),
+            "distributions": self.distributions if self.space is None else self.space.distributions,
         }
         for name, value in settled.items():
             object.__setattr__(self, name, value)

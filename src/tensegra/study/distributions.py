@@ -54,6 +54,12 @@ class Distribution:
         """Return the quantiles at the probabilities `q`, of the same shape."""
         return np.asarray(self._law.ppf(np.asarray(q, dtype=np.float64)), dtype=np.float64)
 
+    def isf(self, q: ArrayLike) -> NDArray[np.float64]:
+        """Return the values above which the probabilities `q` lie, exact where these are tiny."""
+        q = np.asarray(q, dtype=np.float64)
+        isf = getattr(self._law, "isf", None)
+        return np.asarray(self._law.ppf(1.0 - q) if isf is None else isf(q), dtype=np.float64)
+
     def cdf(self, x: ArrayLike) -> NDArray[np.float64]:
         """Return the probabilities of values up to `x`, of the same shape."""
         return np.asarray(self._law.cdf(np.asarray(x, dtype=np.float64)), dtype=np.float64)

@@ -62,6 +62,10 @@ class Reflected:
         """Return the quantiles at the probabilities `q`."""
         return self.shift - self.law.isf(q)
 
+    def isf(self, q: Array) -> Array:
+        """Return the values above which the probabilities `q` lie."""
+        return self.shift - self.law.ppf(q)
+
     def cdf(self, x: Array) -> Array:
         """Return the probabilities of values up to `x`."""
         return self.law.sf(self.shift - x)

@@ -182,7 +182,8 @@ class _Source:
                 "output_units": tuple(output.unit for output in study.outputs),
                 "study_fingerprint": study.fingerprint,
             }
-            bounds = study.space.bounds if bounds is None else bounds
+            if bounds is None:  # in a box of one's own the study's laws do not hold
+                bounds, names["space"] = study.space.bounds, study.space
 
             def solve(X: Array) -> tuple[Array, Array | None]:
                 runs = study.evaluate(X, derivatives=derivatives)

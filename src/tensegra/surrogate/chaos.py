@@ -23,6 +23,8 @@ from tensegra.surrogate.basis import (
     uniform_quadrature,
 )
 from tensegra.surrogate.design import fresh_points, fresh_to_left_out
+from tensegra.surrogate.jointlaw import is_correlated
+from tensegra.surrogate.jointmoments import joint_moments
 from tensegra.surrogate.leastsquares import LeastSquares, Rows, blocks, independent, leverages
 from tensegra.surrogate.problem import Problem
 from tensegra.surrogate.surrogate import Surrogate
@@ -170,7 +172,10 @@ def train(
 
 
 def moments(surrogate: Surrogate) -> tuple[Array, Array]:
-    """Return the mean and the standard deviation of each output, in closed form.
+    """Return the mean and the standard deviation of each output.
+
+    They are in closed form where the inputs are independent. Where they are not, the expansion is integrated
+    over their joint law by quasi-Monte Carlo, for its polynomials are orthonormal under the marginals alone.
 
     Parameters
     ----------
@@ -183,6 +188,8 @@ def moments(surrogate: Surrogate) -> tuple[Array, Array]:
         Mean and standard deviation under the inputs' laws, shape (n_outputs,) each.
     """
     c = _expansion(surrogate).coefficients
+    if is_correlated(surrogate.space):
+        return joint_moments(surrogate)
     scale = surrogate.scaling.output_scale
     return surrogate.scaling.output_shift + scale * c[0], scale * np.sqrt(np.sum(c[1:] ** 2, axis=0))
 
@@ -200,8 +207,15 @@ def sobol_indices(surrogate: Surrogate) -> tuple[Array, Array]:
     tuple of ndarray
         Shares of each output's variance, shape (n_outputs, n_inputs) each; not a number for an output that
         does not vary.
+
+    Raises
+    ------
+    StudyError
+        If the inputs depend on each other: the variance then has no shares that belong to one input alone.
     """
     model = _expansion(surrogate)
+    if is_correlated(surrogate.space):
+        raise StudyError("Sobol indices: found inputs that are correlated, expected independent ones")
     square = model.coefficients[1:] ** 2
     active = model.indices[1:] > 0
     alone = active & (active.sum(axis=1) == 1)[:, None]

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensegra.errors import StudyError
 from tensegra.study.data import TrainingData
 from tensegra.surrogate.batches import field_runs
+from tensegra.surrogate.jointlaw import joint_law
 from tensegra.surrogate.kinds import kind_of
 from tensegra.surrogate.problem import OutcomeModel, Problem
 from tensegra.surrogate.regimes import RegimeData, campaign_runs
@@ -181,6 +182,7 @@ def _train(data: Data, kind: str, seed: int, options: Mapping[str, Any]) -> Surr
         seed=seed,
         options=dict(options),
         study_fingerprint=runs.study_fingerprint,
+        space=joint_law(runs),
     )
 
 

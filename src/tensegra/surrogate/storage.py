@@ -1,7 +1,7 @@
 """Saving and loading: one file, without pickle, so that reading one never runs anything.
 
-The header holds format, kind, names, units, seed, options, validation and the study's hash; beside it stand
-the arrays. See `tensegra.surrogate.archive` for the file itself.
+The header holds format, kind, names, units, joint law, seed, options, validation and the study's hash; beside it
+stand the arrays. See `tensegra.surrogate.archive` for the file itself.
 """
 
 import json
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from tensegra.surrogate.archive import Arrays, open_archive, write_archive
+from tensegra.surrogate.jointlaw import read_joint_law, written_joint_law
 from tensegra.surrogate.kinds import kind_of
 from tensegra.surrogate.problem import Scaling
 from tensegra.surrogate.surrogate import Surrogate
@@ -19,7 +20,7 @@ from tensegra.surrogate.validation import Validation
 
 __all__ = ["FORMAT", "load", "save"]
 
-FORMAT = "tensegra/surrogate/1"
+FORMAT = "tensegra/surrogate/2"
 _PLAIN: dict[str, tuple[type, ...]] = {
     "kind": (str,),
     "n_train": (int,),
@@ -57,6 +58,7 @@ def save(surrogate: Surrogate, path: str | Path) -> Path:
     header |= {
         "options": dict(surrogate.options),
         "validation": None if surrogate.validation is None else surrogate.validation.to_dict(),
+        "joint_law": None if surrogate.space is None else written_joint_law(surrogate.space),
         "model": settings,
     }
     text = json.dumps(header, indent=1, ensure_ascii=False, default=_plain)
@@ -97,6 +99,7 @@ def _build(header: dict[str, Any], arrays: Arrays) -> Surrogate:
     return Surrogate(
         **_named(header),
         options=dict(header["options"]),
+        space=None if header["joint_law"] is None else read_joint_law(header["joint_law"]),
         validation=None if validation is None else Validation.from_dict(validation),
         bounds=arrays["bounds"],
         scaling=scaling,

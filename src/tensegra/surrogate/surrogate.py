@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from tensegra.errors import StudyError
 from tensegra.surrogate.problem import FastModel, Model, OutcomeModel, Scaling
 from tensegra.surrogate.validation import Validation
+
+if TYPE_CHECKING:
+    from tensegra.study.space import Space
 
 __all__ = ["OutsideBoxWarning", "Surrogate"]
 
@@ -56,6 +59,9 @@ class Surrogate:
         Options of the kind, as given.
     study_fingerprint
         Hash of the study that the runs belong to.
+    space
+        The joint law of the inputs that it was trained under: every marginal, the copula, what each variable
+        acts on. Analyses draw from it unless told otherwise. None for the uniform law on `bounds`.
     """
 
     kind: str
@@ -72,6 +78,7 @@ class Surrogate:
     seed: int
     options: Mapping[str, Json] = field(default_factory=dict)
     study_fingerprint: str = ""
+    space: "Space | None" = None
 
     @property
     def has_std(self) -> bool:

@@ -97,7 +97,7 @@ def test_the_true_model_solves_every_waypoint_again():
     assert_allclose(path.true_outputs - path.outputs, 0.01)
     assert path.true_status == ("evaluated", "evaluated")
     row = path.table()[1]
-    assert (row["waypoint"], row["x target"], row["reached"]) == (2, 1.2, True)
+    assert (row["waypoint"], row["x target"], row["reached"]) == (2, 1.2, False)  # the truth misses
     assert_allclose(row["x true"] - row["x"], 0.01)
 
 
@@ -129,8 +129,11 @@ def test_inputs_that_are_not_designed_stand_where_they_are():
         ({"targets": {"x": np.inf}}, "one finite number"),
         ({"targets": {"x": 1.0}, "tolerance": -1.0}, "a positive number"),
         ({"targets": {"x": 1.0}, "constraints": ["y == 1"]}, "an equality is a target"),
-        ({"targets": {"x": 1.0}, "bounds": {"q": [0, 1]}}, "found 'q', expected a designed input"),
-        ({"targets": {"x": 1.0}, "inputs": {"a": True}}, "a finite number or a law"),
+        ({"targets": {"x": 1.0}, "bounds": {"q": [0, 1]}}, "bounds: found 'q', expected one of a, b"),
+        (
+            {"targets": {"x": 1.0}, "inputs": {"a": True}},
+            "inputs.a: found True, expected a distribution, a number",
+        ),
     ],
 )
 def test_nonsense_is_refused(arguments, told):

@@ -57,7 +57,7 @@ def test_the_sample_statistics_are_those_of_the_values():
 
 
 def test_quasi_random_samples_are_rounded_up_to_balanced_sets():
-    for samples, expected in ((10_000, 10_240), (4096, 4096), (20, 20), (33, 36), (2, 4)):
+    for samples, expected in ((10_000, 10_240), (4096, 4096), (20, 20), (33, 34), (2, 4)):
         result = propagate(model(), NORMAL, samples=samples, method="quasi_monte_carlo")
         assert result.n_samples == expected
         assert samples <= result.n_samples <= max(1.125 * samples, samples + 3)
@@ -134,7 +134,7 @@ def test_pairs_need_both_models():
 
 def test_a_quantile_has_no_lower_end_where_the_sample_is_too_small():
     summary = propagate(model(), NORMAL, samples=20).outputs["y"]
-    assert np.isnan(summary.quantile(0.01).low)
+    assert summary.quantile(0.01).low == -np.inf  # nothing bounds it on that side
     assert np.isfinite(summary.quantile(0.5).low)
     # Wilks: 20 samples leave less than 1 − 0.05^(1/20) above their maximum, with 95 % confidence.
     assert_allclose(summary.beyond, 1 - 0.05 ** (1 / 20))
@@ -186,7 +186,7 @@ def test_replicates_of_too_few_values_have_no_interval():
     sketches = [Sketch(), Sketch()]
     sketches[0].add([1.0, 2.0])
     summary = summarise("y", sketches)
-    assert np.isnan(summary.q50.low)
+    assert (summary.q50.low, summary.q50.high) == (-np.inf, np.inf)
     assert (summary.mean.value, summary.q50.value) == (1.5, 1.5)
     assert np.isnan(summary.mean.low)
 

@@ -133,16 +133,19 @@ def test_bayesian_search_takes_the_statistic_for_an_output():
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ({"errors": {"c": NORMAL}}, "found 'c', expected an input of the model"),
-        ({"errors": {"a": NORMAL}, "inputs": {"a": NORMAL}}, "one that has a law of its own"),
-        ({"inputs": {"a": NORMAL, "b": NORMAL}}, "nothing to design"),
-        ({}, "nothing random"),
+        ({"errors": {"c": NORMAL}}, "errors: found 'c', expected one of a, b"),
+        (
+            {"errors": {"a": NORMAL}, "inputs": {"a": NORMAL}},
+            "inputs: found 'a', expected an input that is not searched",
+        ),
+        ({"inputs": {"a": NORMAL, "b": NORMAL}}, "nothing is searched"),
+        ({}, "nothing scatters"),
         ({"errors": {"a": NORMAL}, "kappa": 1, "quantile": 0.1}, "one of them"),
         ({"errors": {"a": NORMAL}, "quantile": 1.5}, "a share between 0 and 1"),
         ({"errors": {"a": NORMAL}, "kappa": -1}, "not below 0"),
         ({"errors": {"a": NORMAL}, "constraints": ["v == 0"]}, "errors break any equality"),
         ({"errors": {"a": NORMAL}, "method": "direct"}, "slsqp, bfgs or bayesian"),
-        ({"errors": {"a": NORMAL}, "bounds": {"x": [0, 1]}}, "found 'x', expected a designed input"),
+        ({"errors": {"a": NORMAL}, "bounds": {"x": [0, 1]}}, "bounds: found 'x', expected one of a, b"),
         ({"errors": {"a": NORMAL}, "bounds": {"a": [1, 1]}}, "room between the bounds"),
     ],
 )

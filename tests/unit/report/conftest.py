@@ -29,6 +29,7 @@ CONTENT = {
                 "name": "Lift",
                 "model": "pce",
                 "objective": "w",
+                "search": ["A14", "T"],
                 "constraints": ["T <= 40"],
                 "methods": ["slsqp", "bfgs"],
                 "starts": 3,

@@ -78,7 +78,6 @@ def test_errors_take_units_like_inputs():
         ({"sensitivity": {"model": "truth", "method": "chaos", "inputs": {"A14": 0.1}}}, "does not take"),
         ({"morris": {"model": "truth", "levels": 3}}, "multiple of 2"),
         ({"morris": {"model": "truth", "trajectories": 2}}, "greater than or equal to 4"),
-        ({"robust": {"model": "truth", "objective": "w"}}, "found neither errors nor inputs"),
         (
             {"robust": {"model": "truth", "objective": "w", "errors": {"A41": {"normal": [0, 1]}}}},
             "errors: found 'A41', expected a variable; did you mean 'A14'?",

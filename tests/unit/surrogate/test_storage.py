@@ -46,15 +46,15 @@ def header(path):
 
 def test_header_is_readable(saved):
     text = header(saved)
-    assert text["format"] == "tensegra/surrogate/1"
+    assert text["format"] == "tensegra/surrogate/2"
     assert text["kind"] == "pce"
     assert text["validation"]["method"] == "held out 6"
 
 
 def test_another_version_is_refused(saved):
-    newer = json.dumps(header(saved) | {"format": "tensegra/surrogate/2"})
+    newer = json.dumps(header(saved) | {"format": "tensegra/surrogate/3"})
     with pytest.raises(
-        StudyError, match=r"format: found 'tensegra/surrogate/2', expected 'tensegra/surrogate/1'"
+        StudyError, match=r"format: found 'tensegra/surrogate/3', expected 'tensegra/surrogate/2'"
     ):
         load(rewritten(saved, {"surrogate.json": newer}))
 
