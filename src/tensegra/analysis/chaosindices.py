@@ -21,9 +21,6 @@ from tensegra.errors import StudyError
 
 Array = NDArray[np.float64]
 
-# Recurrence coefficients of two laws that agree to this are those of one law.
-SAME_LAW = 1e-6
-
 
 def chaos_indices(
     model: object,
@@ -152,21 +149,15 @@ def _laws(model: SurrogateModel) -> dict[str, str]:
     """Return the laws in words, after a check that they are those of the training."""
     if model.space is None:
         return dict.fromkeys(model.input_names, "as in the training")
-    from tensegra.surrogate.basis import law_quadrature, recurrence
+    from tensegra.surrogate.chaos import learnt_under
 
     laws = random_inputs(model)
     if laws.copula is not None:
         raise StudyError.at("sensitivity.inputs", ", ".join(laws.copula.names), "independent inputs")
-    scaling, known = model.surrogate.scaling, model.surrogate.model.recurrences
-    degree = min(3, known.shape[2] - 1)
     by_name = dict(zip(laws.names, laws.laws, strict=True))
     for j, name in enumerate(model.input_names):
         law: Any = by_name[name]
-        if not hasattr(law, "pdf"):
-            continue
-        nodes, weights = law_quadrature(law)
-        own = recurrence((nodes - scaling.input_shift[j]) / scaling.input_scale[j], weights, degree)
-        if not np.allclose(own, known[j, :, : degree + 1], rtol=SAME_LAW, atol=SAME_LAW):
+        if hasattr(law, "pdf") and not learnt_under(model.surrogate, j, law):
             raise StudyError.at(
                 f"sensitivity.inputs.{name}", repr(law), "the law that the expansion was trained with"
             )

@@ -53,6 +53,21 @@ class Distribution:
         """Return the quantiles at the probabilities `q`, of the same shape."""
         return np.asarray(self._law.ppf(np.asarray(q, dtype=np.float64)), dtype=np.float64)
 
+    def isf(self, q: ArrayLike) -> NDArray[np.float64]:
+        """Return the values exceeded with the probabilities `q`, exact in the upper tail, of its shape."""
+        return np.asarray(self._law.isf(np.asarray(q, dtype=np.float64)), dtype=np.float64)
+
+    def quadrature(self, order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Return the law's own points and their probabilities, or None where it has none of its own.
+
+        Parameters
+        ----------
+        order
+            They are exact for polynomials to degree 2 · `order` − 1.
+        """
+        own = getattr(self._law, "quadrature", None)
+        return None if own is None else own(order)
+
     def cdf(self, x: ArrayLike) -> NDArray[np.float64]:
         """Return the probabilities of values up to `x`, of the same shape."""
         return np.asarray(self._law.cdf(np.asarray(x, dtype=np.float64)), dtype=np.float64)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.errors import StudyError
+from tensegra.surrogate.coordinates import Coordinates
 from tensegra.surrogate.design import N_MIXTURES, fresh_points, fresh_ratio
 from tensegra.surrogate.problem import Problem
 from tensegra.surrogate.validation import HALF_WIDTH_90
@@ -74,9 +75,10 @@ class Process:
 
 @dataclass(frozen=True, eq=False)
 class GaussianProcess:
-    """Independent processes, one per output (`tensegra.surrogate.problem.Model`)."""
+    """Independent processes, one per output (`tensegra.surrogate.problem.Model`), in tame coordinates."""
 
     processes: tuple[Process, ...]
+    coordinates: Coordinates
 
     @property
     def has_std(self) -> bool:
@@ -86,13 +88,14 @@ class GaussianProcess:
     def predict(self, Z: Array) -> Array:
         """Return the posterior means."""
         return _blockwise(
-            Z, lambda block: np.stack([p.kernel(block) @ p.weights for p in self.processes], axis=1)
+            self.coordinates.forward(Z),
+            lambda block: np.stack([p.kernel(block) @ p.weights for p in self.processes], axis=1),
         )
 
     def std(self, Z: Array) -> Array:
         """Return the calibrated posterior standard deviations."""
         return _blockwise(
-            Z,
+            self.coordinates.forward(Z),
             lambda block: np.stack(
                 [p.deviation * np.sqrt(p.variance(block)) for p in self.processes], axis=1
             ),
@@ -100,11 +103,15 @@ class GaussianProcess:
 
     def gradient(self, Z: Array) -> Array:
         """Return the derivatives of the posterior means: Σ_c w_c k(z, c) (c − z)/ℓ²."""
-        return _blockwise(Z, lambda block: np.stack([_slope(p, block) for p in self.processes], axis=1))
+        slope = _blockwise(
+            self.coordinates.forward(Z),
+            lambda block: np.stack([_slope(p, block) for p in self.processes], axis=1),
+        )
+        return self.coordinates.gradient(Z, slope)
 
     def state(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return arrays and settings; see `from_state`."""
-        arrays: dict[str, NDArray[Any]] = {}
+        arrays, settings = self.coordinates.state()
         for i, p in enumerate(self.processes):
             arrays |= {
                 f"length_scale_{i}": p.length_scale,
@@ -115,7 +122,7 @@ class GaussianProcess:
             if p.posterior is not None:
                 arrays[f"posterior_{i}"] = p.posterior
         scalars = [{"nugget": p.nugget, "deviation": p.deviation} for p in self.processes]
-        return arrays, {"processes": scalars}
+        return arrays, settings | {"processes": scalars}
 
     @classmethod
     def from_state(cls, arrays: Mapping[str, NDArray[Any]], settings: Mapping[str, Any]) -> Self:
@@ -131,7 +138,8 @@ class GaussianProcess:
                     **scalars,
                 )
                 for i, scalars in enumerate(settings["processes"])
-            )
+            ),
+            Coordinates.from_state(arrays, settings),
         )
 
 
@@ -149,7 +157,8 @@ def train(
     Parameters
     ----------
     problem
-        The standardised runs; derivatives are not used.
+        The standardised runs; derivatives are not used. Inputs with heavy tails are learnt in their logarithm
+        (`tensegra.surrogate.coordinates`).
     rng
         Source of the subset, the restarts and the inducing points.
     subset
@@ -169,9 +178,11 @@ def train(
     for name, count in (("subset", subset), ("inducing_points", inducing_points)):
         if count < 2:
             raise StudyError.at(f"gpr: {name}", count, "2 or more")
-    n = len(problem.Z)
+    coordinates = Coordinates.of(problem)
+    own = coordinates.problem(problem)
+    n = len(own.Z)
     chosen = np.sort(rng.choice(n, size=min(n, subset), replace=False))
-    d = problem.Z.shape[1]
+    d = own.Z.shape[1]
     fixed = np.repeat(FIRST_LENGTH_SCALES, d).reshape(-1, d)
     lowest, highest = RESTART_RANGE
     random = lowest * (highest / lowest) ** rng.uniform(size=(restarts, d))
@@ -179,14 +190,14 @@ def train(
     processes = []
     # A stream of its own: a random design from the same seed would be drawn once more.
     stream = rng.spawn(1)[0]
-    fresh = fresh_points(problem, stream)
-    for t in problem.T.T:
-        length_scale = fit_length_scale(problem.Z[chosen], t[chosen], starts)
+    fresh = coordinates.forward(fresh_points(problem, stream))
+    for t in own.T.T:
+        length_scale = fit_length_scale(own.Z[chosen], t[chosen], starts)
         if n <= exact_limit:
-            processes.append(_condition(problem.Z, t, length_scale, fresh, stream))
+            processes.append(_condition(own.Z, t, length_scale, fresh, stream))
         else:
-            processes.append(_condition_sparsely(problem.Z, t, length_scale, inducing_points, rng))
-    return GaussianProcess(tuple(processes))
+            processes.append(_condition_sparsely(own.Z, t, length_scale, inducing_points, rng))
+    return GaussianProcess(tuple(processes), coordinates)
 
 
 def fit_length_scale(Z: Array, t: Array, starts: Array) -> Array:
