@@ -7,6 +7,7 @@ halved until the quantile function is a polynomial on each. A jump of the quanti
 ends in panels of no width, a level stretch (an atom) in equal points, which become one.
 """
 
+import warnings
 from typing import TypeAlias
 
 import numpy as np
@@ -112,7 +113,9 @@ def _quantile(law: Distribution, s: Array) -> Array:
     from scipy.special import ndtr
 
     upper = getattr(law, "isf", None)
-    with np.errstate(all="ignore"):  # a tail that underflows is what its value says
+    # A tail that underflows is what its value says; some of SciPy's laws warn of it.
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
         if upper is None:
             return np.asarray(law.ppf(ndtr(s)), dtype=np.float64)
         x = np.empty_like(s)
