@@ -86,6 +86,23 @@ class Basis:
                         slopes[j, i] *= p[other, power]
         return values, slopes
 
+    def sums(self, Z: Array, coefficients: Array) -> Array:
+        """Return the sums of the products times coefficients (n_terms, n_outputs), (n_points, n_outputs).
+
+        It is compiled, for very many points; see `values`.
+        """
+        from tensegra.surrogate.summation import expansion
+
+        a, root_b = self.coefficients[:, 0], np.sqrt(self.coefficients[:, 1])
+        k = self._n_degrees - 1
+        inverse = np.divide(1.0, root_b, out=np.zeros_like(root_b), where=root_b > 0)[:, 1 : k + 1]
+        row, axis = np.nonzero(self.indices)
+        starts = np.searchsorted(row, np.arange(len(self) + 1))
+        out = np.empty((len(Z), coefficients.shape[1]))
+        whole = [a[:, :k], inverse, root_b[:, :k] * inverse, starts, axis, self.indices[row, axis]]
+        expansion(*map(np.ascontiguousarray, [Z, *whole, coefficients]), out)
+        return out
+
     def _products(self, p: Array) -> Array:
         values = np.ones((len(self), p.shape[2]))
         for i, (parent, factors) in enumerate(self._factors):

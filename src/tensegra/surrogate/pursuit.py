@@ -42,7 +42,7 @@ def hyperbolic(highest: Indices, norm: float, n_terms: int) -> Indices:
     Examples
     --------
     >>> hyperbolic(np.array([3, 3]), 0.5, 6).tolist()
-    [[0, 0], [0, 1], [1, 0], [0, 2], [2, 0], [0, 3]]
+    [[0, 0], [1, 0], [0, 1], [2, 0], [0, 2], [3, 0]]
     """
     degree = np.arange(1, int(highest.max(initial=0)) + 1)
     weights = np.where(degree <= highest[:, None], np.exp(-(degree**norm)), 0.0)
