@@ -74,7 +74,8 @@ class Distribution:
 
     def pdf(self, x: ArrayLike) -> NDArray[np.float64]:
         """Return the density at `x` (for ``discrete`` the probability of `x`), of the same shape."""
-        return np.asarray(self._law.pdf(np.asarray(x, dtype=np.float64)), dtype=np.float64)
+        with np.errstate(divide="ignore"):  # a density may be infinite at its end
+            return np.asarray(self._law.pdf(np.asarray(x, dtype=np.float64)), dtype=np.float64)
 
     @property
     def mean(self) -> float:

@@ -81,7 +81,8 @@ def _in_probability(law: Distribution) -> tuple[Array, Array]:
     far = FARTHEST if hasattr(law, "isf") else FARTHEST_WITHOUT_SURVIVAL
     edges = np.linspace(-far, far, 2 * round(far / PANEL_WIDTH) + 1)
     left, half = edges[:-1], 0.5 * np.diff(edges)
-    spread = float(np.ptp(_quantile(law, np.array([-1.0, -0.1, 0.1, 1.0]))))
+    middle = np.nan_to_num(_quantile(law, np.array([-1.0, -0.1, 0.1, 1.0])), posinf=0.0, neginf=0.0)
+    spread = float(np.ptp(middle))
     points, weights, lost = [], [], 0.0
     for halvings in range(MOST_HALVINGS + 1):
         s = (left + half)[:, None] + half[:, None] * node

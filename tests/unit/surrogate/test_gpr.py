@@ -4,6 +4,7 @@ import pytest
 from tensegra.errors import StudyError
 from tensegra.surrogate import fit
 from tensegra.surrogate import gpr as gpr_module
+from tensegra.surrogate import intervals
 
 
 def wave(X):
@@ -123,3 +124,37 @@ def test_too_small_a_subset_is_refused():
     X = uniform(20)
     with pytest.raises(StudyError, match="gpr: subset: found 1"):
         fit((X, X), "gpr", subset=1)
+
+
+def test_the_length_scales_of_few_runs_are_found_again_without_each_fold(monkeypatch):
+    """What fits 60 runs too well tells their errors too small; found without them it does not."""
+    X = np.random.default_rng(4).uniform(size=(60, 6))
+    new = np.random.default_rng(5).uniform(size=(2000, 6))
+
+    def kinked(X):
+        return np.prod((np.abs(4 * X - 2) + np.arange(6)) / (1 + np.arange(6)), axis=1)
+
+    def coverage():
+        return fit((X, kinked(X)), "gpr", validation=(new, kinked(new))).validation.coverage_90[0]
+
+    again = coverage()
+    monkeypatch.setattr(gpr_module, "FEW_RUNS", range(0))
+    assert coverage() < again - 0.05
+    assert 0.75 < again < 0.98
+
+
+def test_fold_factors_never_shrink_and_follow_the_errors():
+    rng = np.random.default_rng(0)
+    calls = []
+
+    def errors(size):
+        def standardised(used, fold):
+            calls.append(len(fold))
+            assert not set(used) & set(fold)
+            return size * np.random.default_rng(len(calls)).normal(size=len(fold))
+
+        return standardised
+
+    assert intervals.fold_factor(150, errors(0.1), rng) == 1.0
+    assert intervals.fold_factor(150, errors(2.0), rng) == pytest.approx(2.2, abs=0.5)
+    assert 100 <= sum(calls) // 2 < 120  # enough of them, not all
