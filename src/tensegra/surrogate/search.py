@@ -159,7 +159,7 @@ def _finish(system: LeastSquares, size: int | None = None) -> Chaos:
     """Return the expansion in the first `size` terms, its standard deviation calibrated."""
     size = len(system.basis) if size is None else size
     residual, leverage = (part[0] for part in system.leave_one_out([size]))
-    spread = np.abs(residual) / np.sqrt(1.0 + leverage)[:, None]
+    spread = np.abs(residual) / np.sqrt(1.0 + np.maximum(leverage, 0.0))[:, None]  # rounding
     return Chaos(
         recurrences=system.basis.coefficients,
         indices=np.ascontiguousarray(system.basis.indices[:size]),

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.surrogate.basis import Basis, univariate
-from tensegra.surrogate.leastsquares import LeastSquares, Rows
+from tensegra.surrogate.leastsquares import LeastSquares, Rows, independent
 from tensegra.surrogate.prior import condition, likely_sizes
 from tensegra.surrogate.problem import Model
 from tensegra.surrogate.pursuit import hyperbolic, pursue
@@ -71,7 +71,7 @@ def pursued(rows: Rows, recurrences: Array, highest: Indices, norm: float, max_t
     values = Basis(recurrences, candidates).values(rows.Z)
     limit = min(max_terms, max(1, int(SHARE_OF_RUNS * n)), len(candidates))
     order, size = pursue(values, rows.targets[:, 0], limit)
-    return LeastSquares.of(rows, Basis(recurrences, candidates[order[:size]]))
+    return independent(rows, recurrences, candidates[order[:size]])
 
 
 def regularised(

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from tensegra.errors import StudyError
-from tensegra.surrogate import fit
+from tensegra.study import TrainingData
+from tensegra.surrogate import fit, intervals
 from tensegra.surrogate import gpr as gpr_module
-from tensegra.surrogate import intervals
 
 
 def wave(X):
@@ -128,14 +128,15 @@ def test_too_small_a_subset_is_refused():
 
 def test_the_length_scales_of_few_runs_are_found_again_without_each_fold(monkeypatch):
     """What fits 60 runs too well tells their errors too small; found without them it does not."""
-    X = np.random.default_rng(4).uniform(size=(60, 6))
-    new = np.random.default_rng(5).uniform(size=(2000, 6))
+    X = np.random.default_rng(4).uniform(size=(100, 8))
+    new = np.random.default_rng(5).uniform(size=(2000, 8))
 
     def kinked(X):
-        return np.prod((np.abs(4 * X - 2) + np.arange(6)) / (1 + np.arange(6)), axis=1)
+        return np.prod((np.abs(4 * X - 2) + np.arange(8)) / (1 + np.arange(8)), axis=1)
 
     def coverage():
-        return fit((X, kinked(X)), "gpr", validation=(new, kinked(new))).validation.coverage_90[0]
+        data = TrainingData(X=X, Y=kinked(X), bounds=[[0, 1]] * 8)
+        return fit(data, "gpr", validation=(new, kinked(new))).validation.coverage_90[0]
 
     again = coverage()
     monkeypatch.setattr(gpr_module, "FEW_RUNS", range(0))
