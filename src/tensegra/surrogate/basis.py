@@ -6,7 +6,8 @@ Approximation*, 2004, section 2.2). Under the uniform law these are Legendre's, 
 Hermite's polynomials. A law of n values has n of them; b_j = 0 says that there is none of degree j.
 """
 
-from typing import TypeAlias
+from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,15 +94,20 @@ class Basis:
         """
         from tensegra.surrogate.summation import expansion
 
+        out = np.empty((len(Z), coefficients.shape[1]))
+        expansion(np.ascontiguousarray(Z), *self._tables, np.ascontiguousarray(coefficients), out)
+        return out
+
+    @cached_property
+    def _tables(self) -> list[NDArray[Any]]:
+        """The recurrences and the factors of all terms, as the compiled sum takes them."""
         a, root_b = self.coefficients[:, 0], np.sqrt(self.coefficients[:, 1])
         k = self._n_degrees - 1
         inverse = np.divide(1.0, root_b, out=np.zeros_like(root_b), where=root_b > 0)[:, 1 : k + 1]
         row, axis = np.nonzero(self.indices)
         starts = np.searchsorted(row, np.arange(len(self) + 1))
-        out = np.empty((len(Z), coefficients.shape[1]))
-        whole = [a[:, :k], inverse, root_b[:, :k] * inverse, starts, axis, self.indices[row, axis]]
-        expansion(*map(np.ascontiguousarray, [Z, *whole, coefficients]), out)
-        return out
+        tables = [a[:, :k], inverse, root_b[:, :k] * inverse, starts, axis, self.indices[row, axis]]
+        return [np.ascontiguousarray(table) for table in tables]
 
     def _products(self, p: Array) -> Array:
         values = np.ones((len(self), p.shape[2]))

@@ -1,7 +1,8 @@
 """An expansion in products of orthonormal polynomials: what is kept, saved and evaluated."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any, Self, TypeAlias
 
 import numpy as np
@@ -16,7 +17,8 @@ __all__ = ["Chaos"]
 Array: TypeAlias = NDArray[np.float64]
 Indices: TypeAlias = NDArray[np.int64]
 
-VERY_MANY = 50_000  # points: the compiled sum is five times as quick, once it is compiled
+# Points from which the sum is compiled: five times as quick, and without threads that wait for each other.
+VERY_MANY = 1_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +56,7 @@ class Chaos:
         """True: the leave-one-out residuals tell it."""
         return True
 
-    @property
+    @cached_property
     def basis(self) -> Basis:
         """The products of polynomials."""
         return Basis(self.recurrences, self.indices)
@@ -83,7 +85,7 @@ class Chaos:
 
     def state(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return arrays and settings; see `from_state`."""
-        own = {name: value for name, value in vars(self).items() if name != "coordinates"}
+        own = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "coordinates"}
         arrays, settings = self.coordinates.state()
         return own | arrays, settings
 
