@@ -285,7 +285,9 @@ def _condition_few(
         again = fit_length_scale(Z[used], t[used], np.full((1, Z.shape[1]), FIRST_LENGTH_SCALES[0]))
         process = _condition(Z[used], t[used], again, none, rng)
         residual = t[fold] - process.kernel(Z[fold]) @ process.weights
-        return residual / (process.deviation * np.sqrt(process.variance(Z[fold])))
+        # An output that does not vary has neither errors nor a deviation.
+        std = process.deviation * np.sqrt(process.variance(Z[fold]))
+        return np.asarray(residual / np.maximum(std, np.finfo(float).tiny))
 
     process = _condition(Z, t, length_scale, fresh, rng)
     return replace(process, deviation=process.deviation * fold_factor(len(Z), standardised, rng))
