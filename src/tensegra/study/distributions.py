@@ -55,10 +55,21 @@ class Distribution:
         return np.asarray(self._law.ppf(np.asarray(q, dtype=np.float64)), dtype=np.float64)
 
     def isf(self, q: ArrayLike) -> NDArray[np.float64]:
-        """Return the values above which the probabilities `q` lie, exact where these are tiny."""
+        """Return the values exceeded with the probabilities `q`, exact in the upper tail, of its shape."""
         q = np.asarray(q, dtype=np.float64)
         isf = getattr(self._law, "isf", None)
         return np.asarray(self._law.ppf(1.0 - q) if isf is None else isf(q), dtype=np.float64)
+
+    def quadrature(self, order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Return the law's own points and their probabilities, or None where it has none of its own.
+
+        Parameters
+        ----------
+        order
+            They are exact for polynomials to degree 2 · `order` − 1.
+        """
+        own = getattr(self._law, "quadrature", None)
+        return None if own is None else own(order)
 
     def cdf(self, x: ArrayLike) -> NDArray[np.float64]:
         """Return the probabilities of values up to `x`, of the same shape."""
@@ -66,7 +77,8 @@ class Distribution:
 
     def pdf(self, x: ArrayLike) -> NDArray[np.float64]:
         """Return the density at `x` (for ``discrete`` the probability of `x`), of the same shape."""
-        return np.asarray(self._law.pdf(np.asarray(x, dtype=np.float64)), dtype=np.float64)
+        with np.errstate(divide="ignore"):  # a density may be infinite at its end
+            return np.asarray(self._law.pdf(np.asarray(x, dtype=np.float64)), dtype=np.float64)
 
     @property
     def mean(self) -> float:

@@ -7,6 +7,8 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegra.study.quadrature import merged
+
 __all__ = ["DiscreteLaw", "KernelDensity", "Law", "MeasuredLaw", "Reflected"]
 
 Array: TypeAlias = NDArray[np.float64]
@@ -14,12 +16,19 @@ Array: TypeAlias = NDArray[np.float64]
 CHUNK = 2_000_000
 """Numbers of an intermediate table (points by measurements) held at a time: 16 MB."""
 
+MOST_POINTS = 100_000
+"""Points that may stand for a law of measurements: with very many, each interval or kernel needs few."""
+
 
 class Law(Protocol):
     """What a distribution is made of; a frozen distribution of `scipy.stats` is one."""
 
     def ppf(self, q: Array, /) -> Array:
         """Return the quantiles at the probabilities `q`."""
+        ...
+
+    def isf(self, q: Array, /) -> Array:
+        """Return the values that are exceeded with the probabilities `q`, exact in the upper tail."""
         ...
 
     def cdf(self, x: Array, /) -> Array:
@@ -44,9 +53,7 @@ class Law(Protocol):
 
 
 class _ContinuousLaw(Law, Protocol):
-    """A law that also knows the complements, exact in the far tail."""
-
-    def isf(self, q: Array, /) -> Array: ...
+    """A law that also knows the probability of larger values, exact in the far tail."""
 
     def sf(self, x: Array, /) -> Array: ...
 
@@ -63,7 +70,7 @@ class Reflected:
         return self.shift - self.law.isf(q)
 
     def isf(self, q: Array) -> Array:
-        """Return the values above which the probabilities `q` lie."""
+        """Return the values that are exceeded with the probabilities `q`."""
         return self.shift - self.law.ppf(q)
 
     def cdf(self, x: Array) -> Array:
@@ -111,6 +118,14 @@ class DiscreteLaw:
         index = np.searchsorted(self._cumulative, q, side="left").clip(max=len(self.values) - 1)
         return np.asarray(self.values[index])
 
+    def isf(self, q: Array) -> Array:
+        """Return the values that are exceeded with the probabilities `q`."""
+        return self.ppf(1.0 - q)
+
+    def quadrature(self, order: int) -> tuple[Array, Array]:  # noqa: ARG002 - exact to any order
+        """Return the values and their probabilities: every expectation is a sum over them."""
+        return self.values, self.probabilities
+
     def cdf(self, x: Array) -> Array:
         """Return the probabilities of values up to `x`."""
         below = np.searchsorted(self.values, x, side="right")
@@ -153,6 +168,25 @@ class MeasuredLaw:
     def ppf(self, q: Array) -> Array:
         """Return the quantiles at the probabilities `q`."""
         return np.interp(q, self._level, self.values)
+
+    def isf(self, q: Array) -> Array:
+        """Return the values that are exceeded with the probabilities `q`."""
+        return self.ppf(1.0 - q)
+
+    def quadrature(self, order: int) -> tuple[Array, Array]:
+        """Return points and probabilities exact for polynomials to degree 2 · `order` − 1.
+
+        Between two neighbouring values the law is uniform, so Gauss points stand for it there; values that
+        were measured several times are atoms.
+        """
+        gaps = len(self.values) - 1
+        node, weight = np.polynomial.legendre.leggauss(max(2, min(order, MOST_POINTS // gaps)))
+        step = np.diff(self.values)
+        wide = step > 0
+        inside = self.values[:-1, None] + step[:, None] * (0.5 + 0.5 * node)
+        points = np.concatenate([inside[wide].ravel(), self.values[:-1][~wide]])
+        between = np.tile(weight / (2 * gaps), int(wide.sum()))
+        return merged(points, np.concatenate([between, np.full(int((~wide).sum()), 1 / gaps)]))
 
     def cdf(self, x: Array) -> Array:
         """Return the probabilities of values up to `x`."""
@@ -216,6 +250,20 @@ class KernelDensity:
             solution = elementwise.find_root(self._excess, bracket, args=(level[inside],))
             result[inside] = solution.x
         return result.reshape(q.shape)
+
+    def isf(self, q: Array) -> Array:
+        """Return the values that are exceeded with the probabilities `q`: the kernel has no sides."""
+        return -KernelDensity(-self.values, self.bandwidth).ppf(q)
+
+    def quadrature(self, order: int) -> tuple[Array, Array]:
+        """Return points and probabilities exact for polynomials to degree 2 · `order` − 1.
+
+        They are the Gauss points of each kernel.
+        """
+        n = len(self.values)
+        node, weight = np.polynomial.hermite_e.hermegauss(max(2, min(order, MOST_POINTS // n)))
+        points = self.values[:, None] + self.bandwidth * node
+        return merged(points.ravel(), np.tile(weight / (n * weight.sum()), n))
 
     def cdf(self, x: Array) -> Array:
         """Return the probabilities of values up to `x`."""

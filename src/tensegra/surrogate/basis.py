@@ -3,101 +3,161 @@
 Each input's polynomials satisfy the three-term recurrence √b_{j+1} p_{j+1} = (z − a_j) p_j − √b_j p_{j−1};
 its coefficients are all that is kept of the law (Gautschi, *Orthogonal Polynomials: Computation and
 Approximation*, 2004, section 2.2). Under the uniform law these are Legendre's, under the normal law
-Hermite's polynomials.
+Hermite's polynomials. A law of n values has n of them; b_j = 0 says that there is none of degree j.
 """
 
-from typing import TypeAlias
+from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegra.study.data import Distribution
+from tensegra.study.quadrature import law_quadrature
+from tensegra.surrogate.terms import margin, total_degree
 
-__all__ = ["Basis", "law_quadrature", "margin", "recurrence", "total_degree", "uniform_quadrature"]
+__all__ = [
+    "Basis",
+    "highest_degrees",
+    "law_quadrature",
+    "margin",
+    "recurrence",
+    "total_degree",
+    "uniform_quadrature",
+    "univariate",
+]
 
 Array: TypeAlias = NDArray[np.float64]
 Indices: TypeAlias = NDArray[np.int64]
 
-PANEL_ORDER = 32  # Gauss points per panel: with the panels below, smooth densities are exact to rounding
-# Panels between quantiles, fine towards the ends where densities may be steep.
-PANEL_LEVELS = np.array([0.0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3, 1e-2, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5])
-TAIL_DENSITY = 1e-100  # relative to the largest: beyond it no polynomial of a usable degree is felt
+PANEL_ORDER = 32  # Gauss points of the uniform law
+NO_MORE = 1e-13  # norm of what a further polynomial adds, over the spread of the law: below, it is rounding
+# What lies at points this improbable, relative to the most probable one, cannot be told from what lies beyond
+# them: a polynomial that is felt there is not known. It is the high degrees of laws with very heavy tails.
+FAINT, FELT = 1e-250, 1e-12
 
 
 class Basis:
-    """Products of univariate polynomials, for a downward-closed set of degrees.
+    """Products of univariate polynomials.
 
     Parameters
     ----------
     coefficients
         Recurrence coefficients a and b of each input, shape (n_inputs, 2, max_degree + 1).
     indices
-        Degrees of each product, shape (n_terms, n_inputs), with every divisor of a product before it; the
-        first row is the constant.
+        Degrees of each product, shape (n_terms, n_inputs); the first row is the constant.
     """
 
     def __init__(self, coefficients: Array, indices: Indices) -> None:
         self.coefficients = coefficients
         self.indices = indices
-        row = {tuple(alpha): i for i, alpha in enumerate(indices.tolist())}
-        # A product is its parent (the last degree that is not zero set to zero) times one polynomial.
-        self._axis = [
-            max((j for j, degree in enumerate(alpha) if degree), default=0) for alpha in indices.tolist()
-        ]
-        self._parent = [
-            row[(*alpha[:axis], *[0] * (len(alpha) - axis))]
-            for alpha, axis in zip(indices.tolist(), self._axis, strict=True)
-        ]
+        self._n_degrees = int(indices.max(initial=0)) + 1
+        rows = indices.tolist()
+        row = {tuple(alpha): i for i, alpha in enumerate(rows)}
+        # A product is its parent (the last degree that is not zero set to zero) times one polynomial; where
+        # the parent is not among those before it, it is the product of all its factors.
+        self._factors: list[tuple[int, list[tuple[int, int]]]] = []
+        for i, alpha in enumerate(rows):
+            active = [(j, degree) for j, degree in enumerate(alpha) if degree]
+            parent = list(alpha)
+            if active:
+                parent[active[-1][0]] = 0
+            known = row.get(tuple(parent), i)
+            alone = known >= i
+            self._factors.append((0 if alone else known, active if alone else active[-1:]))
 
     def __len__(self) -> int:
         return len(self.indices)
 
     def values(self, Z: Array) -> Array:
         """Return the products at standardised points, shape (n_terms, n_points)."""
-        p, _ = self._univariate(Z)
+        p, _ = univariate(self.coefficients, Z, self._n_degrees)
         return self._products(p)
 
     def derivatives(self, Z: Array) -> tuple[Array, Array]:
         """Return the products and their derivatives, shape (n_inputs, n_terms, n_points)."""
-        p, slope = self._univariate(Z)
+        p, slope = univariate(self.coefficients, Z, self._n_degrees, slopes=True)
         values = self._products(p)
-        return values, np.stack([self._product_slopes(p, slope, values, j) for j in range(Z.shape[1])])
+        slopes = np.zeros((Z.shape[1], *values.shape))
+        for i, alpha in enumerate(self.indices.tolist()):
+            active = [(j, degree) for j, degree in enumerate(alpha) if degree]
+            for j, degree in active:
+                np.copyto(slopes[j, i], slope[j, degree])
+                for other, power in active:
+                    if other != j:
+                        slopes[j, i] *= p[other, power]
+        return values, slopes
+
+    def sums(self, Z: Array, coefficients: Array) -> Array:
+        """Return the sums of the products times coefficients (n_terms, n_outputs), (n_points, n_outputs).
+
+        It is compiled, for very many points; see `values`.
+        """
+        from tensegra.surrogate.summation import expansion
+
+        out = np.empty((len(Z), coefficients.shape[1]))
+        expansion(np.ascontiguousarray(Z), *self._tables, np.ascontiguousarray(coefficients), out)
+        return out
+
+    @cached_property
+    def _tables(self) -> list[NDArray[Any]]:
+        """The recurrences and the factors of all terms, as the compiled sum takes them."""
+        a, root_b = self.coefficients[:, 0], np.sqrt(self.coefficients[:, 1])
+        k = self._n_degrees - 1
+        inverse = np.divide(1.0, root_b, out=np.zeros_like(root_b), where=root_b > 0)[:, 1 : k + 1]
+        row, axis = np.nonzero(self.indices)
+        starts = np.searchsorted(row, np.arange(len(self) + 1))
+        tables = [a[:, :k], inverse, root_b[:, :k] * inverse, starts, axis, self.indices[row, axis]]
+        return [np.ascontiguousarray(table) for table in tables]
 
     def _products(self, p: Array) -> Array:
         values = np.ones((len(self), p.shape[2]))
-        for i, (parent, axis) in enumerate(zip(self._parent, self._axis, strict=True)):
-            if i:
-                np.multiply(values[parent], p[axis, self.indices[i, axis]], out=values[i])
+        for i, (parent, factors) in enumerate(self._factors):
+            if not factors:
+                continue
+            (axis, degree), *others = factors
+            np.multiply(values[parent], p[axis, degree], out=values[i])
+            for axis, degree in others:
+                values[i] *= p[axis, degree]
         return values
 
-    def _product_slopes(self, p: Array, slope: Array, values: Array, j: int) -> Array:
-        """Return the derivatives by input `j`, shape (n_terms, n_points)."""
-        slopes = np.zeros_like(values)
-        for i, (parent, axis) in enumerate(zip(self._parent, self._axis, strict=True)):
-            degree = self.indices[i, axis]
-            if axis == j:
-                np.multiply(values[parent], slope[j, degree], out=slopes[i])
-            elif self.indices[i, j]:
-                np.multiply(slopes[parent], p[axis, degree], out=slopes[i])
-        return slopes
 
-    def _univariate(self, Z: Array) -> tuple[Array, Array]:
-        """Return the polynomials and their derivatives, shape (n_inputs, max_degree + 1, n_points)."""
-        a, root_b = self.coefficients[:, 0], np.sqrt(self.coefficients[:, 1])
-        z, n_degrees = Z.T, int(self.indices.max()) + 1
-        p = np.zeros((len(z), n_degrees, len(Z)))
-        slope = np.zeros_like(p)
-        p[:, 0] = 1.0
-        for j in range(n_degrees - 1):
-            shifted = z - a[:, j, None]
-            p[:, j + 1] = shifted * p[:, j]
-            slope[:, j + 1] = p[:, j] + shifted * slope[:, j]
+def univariate(coefficients: Array, Z: Array, n_degrees: int, *, slopes: bool = False) -> tuple[Array, Array]:
+    """Return the polynomials of each input, and their derivatives if they are asked for.
+
+    Parameters
+    ----------
+    coefficients
+        Recurrence coefficients, as of `Basis`.
+    Z
+        Points, shape (n_points, n_inputs).
+    n_degrees
+        Number of degrees, the constant among them.
+    slopes
+        Whether to return the derivatives; without, the polynomials are returned twice.
+
+    Returns
+    -------
+    tuple of ndarray
+        Shape (n_inputs, n_degrees, n_points) each; zero from the degree on of which there is none.
+    """
+    a, root_b = coefficients[:, 0], np.sqrt(coefficients[:, 1])
+    inverse = np.divide(1.0, root_b, out=np.zeros_like(root_b), where=root_b > 0)
+    z = np.ascontiguousarray(Z.T)
+    p = np.zeros((len(z), n_degrees, len(Z)))
+    slope = np.zeros_like(p) if slopes else p
+    p[:, 0] = 1.0
+    for j in range(n_degrees - 1):
+        scale = inverse[:, j + 1, None]
+        shifted = (z - a[:, j, None]) * scale
+        np.multiply(shifted, p[:, j], out=p[:, j + 1])
+        before = root_b[:, j, None] * scale
+        if j:
+            p[:, j + 1] -= before * p[:, j - 1]
+        if slopes:
+            slope[:, j + 1] = scale * p[:, j] + shifted * slope[:, j]
             if j:
-                p[:, j + 1] -= root_b[:, j, None] * p[:, j - 1]
-                slope[:, j + 1] -= root_b[:, j, None] * slope[:, j - 1]
-            p[:, j + 1] /= root_b[:, j + 1, None]
-            slope[:, j + 1] /= root_b[:, j + 1, None]
-        return p, slope
+                slope[:, j + 1] -= before * slope[:, j - 1]
+    return p, slope
 
 
 def uniform_quadrature(lower: float, upper: float) -> tuple[Array, Array]:
@@ -106,43 +166,11 @@ def uniform_quadrature(lower: float, upper: float) -> tuple[Array, Array]:
     return 0.5 * (lower + upper) + 0.5 * (upper - lower) * x, 0.5 * w
 
 
-def law_quadrature(law: Distribution) -> tuple[Array, Array]:
-    """Return nodes and weights under a law: Gauss panels between its quantiles.
-
-    Parameters
-    ----------
-    law
-        A density and a quantile function. An infinite tail is followed until it is negligible.
-
-    Returns
-    -------
-    tuple of ndarray
-        Nodes and weights; the weights sum to one.
-    """
-    levels = np.concatenate([PANEL_LEVELS, 1.0 - PANEL_LEVELS[-2::-1]])
-    edges = np.asarray(law.ppf(levels), dtype=np.float64)
-    finite = np.unique(edges[np.isfinite(edges)])
-    left = [] if np.isfinite(edges[0]) else _tail(law, finite[0], finite[0] - finite[-1])
-    right = [] if np.isfinite(edges[-1]) else _tail(law, finite[-1], finite[-1] - finite[0])
-    edges = np.unique(np.concatenate([left, finite, right]))
-    x, w = np.polynomial.legendre.leggauss(PANEL_ORDER)
-    half = 0.5 * np.diff(edges)[:, None]
-    nodes: Array = (0.5 * (edges[1:] + edges[:-1])[:, None] + half * x).ravel()
-    weights = np.asarray(law.pdf(nodes), dtype=np.float64) * (half * w).ravel()
-    return nodes, weights / weights.sum()
-
-
-def _tail(law: Distribution, end: float, width: float) -> list[float]:
-    """Return further panel edges from `end` on, an eighth of `width` apart, as far as the law is felt."""
-    edges: Array = end + width / 8 * np.arange(65.0)
-    density = np.asarray(law.pdf(edges))
-    felt = density[1:] > TAIL_DENSITY * density[0]
-    n_edges = int(np.logical_and.accumulate(felt).sum())
-    return list(edges[1 : 1 + max(1, n_edges)])
-
-
 def recurrence(nodes: Array, weights: Array, degree: int) -> Array:
-    """Return the recurrence coefficients of a discrete law by Stieltjes' procedure, shape (2, degree + 1).
+    """Return the recurrence coefficients of a discrete law by Lanczos' procedure, shape (2, degree + 1).
+
+    It is that of Stieltjes with vectors that hold √w p, so that no high power in a far tail is too large for
+    a number, and with each new one made orthogonal to all before it (Gautschi 2004, section 2.2.3).
 
     Parameters
     ----------
@@ -150,46 +178,42 @@ def recurrence(nodes: Array, weights: Array, degree: int) -> Array:
         The law; the weights sum to one.
     degree
         Highest degree.
+
+    Returns
+    -------
+    ndarray
+        The coefficients a and b; zero from the degree on of which the law has no polynomial.
     """
-    a, b = np.zeros(degree + 1), np.ones(degree + 1)
-    previous, current = np.zeros_like(nodes), np.ones_like(nodes)
+    a, b = np.zeros(degree + 1), np.zeros(degree + 1)
+    b[0] = 1.0
+    faint = weights < FAINT * weights.max()
+    basis = np.zeros((degree + 2, len(nodes)))
+    basis[0] = np.sqrt(weights)
+    spread = 0.0
     for j in range(degree + 1):
-        a[j] = np.sum(weights * nodes * current**2)
-        step = (nodes - a[j]) * current - (np.sqrt(b[j]) * previous if j else 0.0)
-        if j < degree:
-            b[j + 1] = np.sum(weights * step**2)
-            previous, current = current, step / np.sqrt(b[j + 1])
+        step = nodes * basis[j]
+        a[j] = step @ basis[j]
+        step -= a[j] * basis[j]
+        for _ in range(2):
+            step -= (basis[: j + 1] @ step) @ basis[: j + 1]
+        norm = float(np.linalg.norm(step))
+        spread = spread or norm
+        if j == degree or j + 1 >= len(nodes) or norm <= NO_MORE * max(spread, abs(a[j])):
+            break
+        basis[j + 1] = step / norm
+        if np.sum(basis[j + 1, faint] ** 2) > FELT:
+            break
+        b[j + 1] = norm**2
     return np.stack([a, b])
 
 
-def total_degree(n_inputs: int, degree: int) -> Indices:
-    """Return all degrees of a sum up to `degree`, sorted by that sum.
+def highest_degrees(coefficients: Array) -> Indices:
+    """Return the highest degree of which each input's law has a polynomial, shape (n_inputs,).
 
     Examples
     --------
-    >>> total_degree(2, 1).tolist()
-    [[0, 0], [0, 1], [1, 0]]
+    >>> highest_degrees(recurrence(np.array([0.0, 1.0, 2.0]), np.full(3, 1 / 3), 5)[None]).tolist()
+    [2]
     """
-    rows: list[tuple[int, ...]] = [()]
-    for _ in range(n_inputs):
-        rows = [(*row, j) for row in rows for j in range(degree - sum(row) + 1)]
-    return np.array(sorted(rows, key=lambda row: (sum(row), row)), dtype=np.int64)
-
-
-def margin(indices: Indices, max_degree: int) -> Indices:
-    """Return the products outside a downward-closed set all of whose divisors are inside.
-
-    Examples
-    --------
-    >>> margin(np.array([[0, 0], [0, 1], [1, 0]]), 5).tolist()
-    [[0, 2], [1, 1], [2, 0]]
-    """
-    inside = set(map(tuple, indices.tolist()))
-    outside = set()
-    for alpha in inside:
-        for j, degree in enumerate(alpha):
-            beta = (*alpha[:j], degree + 1, *alpha[j + 1 :])
-            divisors = ((*beta[:i], d - 1, *beta[i + 1 :]) for i, d in enumerate(beta) if d)
-            if degree < max_degree and beta not in inside and all(divisor in inside for divisor in divisors):
-                outside.add(beta)
-    return np.array(sorted(outside), dtype=np.int64).reshape(-1, indices.shape[1])
+    there = coefficients[:, 1] > 0
+    return np.asarray(np.logical_and.accumulate(there, axis=1).sum(axis=1) - 1, dtype=np.int64)

@@ -11,9 +11,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegra.surrogate.basis import Basis, margin
+from tensegra.surrogate.basis import Basis, highest_degrees
 from tensegra.surrogate.leastsquares import leverages
 from tensegra.surrogate.problem import Problem
+from tensegra.surrogate.terms import margin
 
 __all__ = ["N_MIXTURES", "fresh_points", "fresh_ratio", "fresh_to_left_out"]
 
@@ -53,8 +54,10 @@ def fresh_to_left_out(basis: Basis, factor: Array, Z: Array, fresh: Array, rng: 
     from scipy.linalg import solve_triangular
 
     m = len(basis)
-    outside = margin(basis.indices, basis.coefficients.shape[2] - 1)
-    if len(Z) > MANY_RUNS_PER_TERM * m or len(Z) <= m or len(outside) == 0:
+    if len(Z) > MANY_RUNS_PER_TERM * m or len(Z) <= m:
+        return 1.0
+    outside = margin(basis.indices, highest_degrees(basis.coefficients))
+    if len(outside) == 0:
         return 1.0
     if len(outside) > N_TERMS:
         outside = outside[np.sort(rng.choice(len(outside), size=N_TERMS, replace=False))]

@@ -15,13 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.errors import StudyError
-from tensegra.surrogate.design import N_MIXTURES, fresh_points, fresh_ratio
+from tensegra.surrogate.coordinates import Coordinates
+from tensegra.surrogate.design import fresh_points
+from tensegra.surrogate.intervals import calibrated, fold_factor, fresh_to_left_out
 from tensegra.surrogate.problem import Problem
-from tensegra.surrogate.validation import HALF_WIDTH_90
+from tensegra.surrogate.process import Process, kernel
 
 __all__ = ["GaussianProcess", "train"]
 
 Array: TypeAlias = NDArray[np.float64]
+Indices: TypeAlias = NDArray[np.intp]
 T = TypeVar("T")
 
 SMALLEST_NUGGET = 1e-13  # times the kernel's amplitude: below, rounding makes any factorisation fail
@@ -32,51 +35,17 @@ LENGTH_SCALE_BOUNDS = (0.05, 1e3)
 SEARCH_ITERATIONS, LINE_SEARCH_STEPS = 60, 10  # past them the search only follows the rounding of K
 REFUSED = 1e25  # stands for the likelihood where the kernel matrix has no Cholesky factor
 BLOCK = 2048  # points at once: the kernel matrix of a block stays in the cache's neighbourhood
-# Of the random functions that tell what a run left out means for a fresh point: number of bumps, and their
-# width over the length scales. It hardly matters: 0.6 to 0.9 gave the same.
-BUMPS, ROUGHNESS = 40, 0.8
+# With so few runs the length scales fit them better than fresh points; fewer than 20 make no folds.
+FEW_RUNS = range(20, 201)
 CALIBRATION_POINTS = 1_000  # enough for the 90 % quantile to ±1 % (one sigma)
 
 
 @dataclass(frozen=True, eq=False)
-class Process:
-    """The process of one output: k(x, centres) @ weights, and what its variance needs.
-
-    Without inducing points `posterior` is None and the variance is 1 − ‖L⁻¹k‖², L the Cholesky factor of
-    K + nugget; with them it is 1 − ‖L⁻¹k‖² + nugget ‖P⁻¹k‖² with the factors L of the centres' kernel matrix
-    and P of the normal equations (the deterministic training conditional).
-    """
-
-    length_scale: Array
-    centres: Array
-    weights: Array
-    factor: Array
-    posterior: Array | None
-    nugget: float
-    deviation: float  # calibrated amplitude of the standard deviation
-
-    def kernel(self, Z: Array) -> Array:
-        """Return k(Z, centres), shape (n_points, n_centres)."""
-        return kernel(Z, self.centres, self.length_scale)
-
-    def variance(self, Z: Array) -> Array:
-        """Return the variance for a unit amplitude, shape (n_points,)."""
-        from scipy.linalg import solve_triangular
-
-        k = self.kernel(Z).T
-        reduction = np.sum(solve_triangular(self.factor, k, lower=True) ** 2, axis=0)
-        if self.posterior is not None:
-            left = solve_triangular(self.posterior, k, lower=True)
-            reduction -= self.nugget * np.sum(left**2, axis=0)
-        # The nugget is rounding's share of the variance, at a fresh point as at one that is left out.
-        return np.asarray(np.maximum(1.0 - reduction, 0.0) + self.nugget)
-
-
-@dataclass(frozen=True, eq=False)
 class GaussianProcess:
-    """Independent processes, one per output (`tensegra.surrogate.problem.Model`)."""
+    """Independent processes, one per output (`tensegra.surrogate.problem.Model`), in tame coordinates."""
 
     processes: tuple[Process, ...]
+    coordinates: Coordinates
 
     @property
     def has_std(self) -> bool:
@@ -86,13 +55,14 @@ class GaussianProcess:
     def predict(self, Z: Array) -> Array:
         """Return the posterior means."""
         return _blockwise(
-            Z, lambda block: np.stack([p.kernel(block) @ p.weights for p in self.processes], axis=1)
+            self.coordinates.forward(Z),
+            lambda block: np.stack([p.kernel(block) @ p.weights for p in self.processes], axis=1),
         )
 
     def std(self, Z: Array) -> Array:
         """Return the calibrated posterior standard deviations."""
         return _blockwise(
-            Z,
+            self.coordinates.forward(Z),
             lambda block: np.stack(
                 [p.deviation * np.sqrt(p.variance(block)) for p in self.processes], axis=1
             ),
@@ -100,11 +70,15 @@ class GaussianProcess:
 
     def gradient(self, Z: Array) -> Array:
         """Return the derivatives of the posterior means: Σ_c w_c k(z, c) (c − z)/ℓ²."""
-        return _blockwise(Z, lambda block: np.stack([_slope(p, block) for p in self.processes], axis=1))
+        slope = _blockwise(
+            self.coordinates.forward(Z),
+            lambda block: np.stack([p.slope(block) for p in self.processes], axis=1),
+        )
+        return self.coordinates.gradient(Z, slope)
 
     def state(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return arrays and settings; see `from_state`."""
-        arrays: dict[str, NDArray[Any]] = {}
+        arrays, settings = self.coordinates.state()
         for i, p in enumerate(self.processes):
             arrays |= {
                 f"length_scale_{i}": p.length_scale,
@@ -115,7 +89,7 @@ class GaussianProcess:
             if p.posterior is not None:
                 arrays[f"posterior_{i}"] = p.posterior
         scalars = [{"nugget": p.nugget, "deviation": p.deviation} for p in self.processes]
-        return arrays, {"processes": scalars}
+        return arrays, settings | {"processes": scalars}
 
     @classmethod
     def from_state(cls, arrays: Mapping[str, NDArray[Any]], settings: Mapping[str, Any]) -> Self:
@@ -131,7 +105,8 @@ class GaussianProcess:
                     **scalars,
                 )
                 for i, scalars in enumerate(settings["processes"])
-            )
+            ),
+            Coordinates.from_state(arrays, settings),
         )
 
 
@@ -149,7 +124,8 @@ def train(
     Parameters
     ----------
     problem
-        The standardised runs; derivatives are not used.
+        The standardised runs; derivatives are not used. Inputs with heavy tails are learnt in their logarithm
+        (`tensegra.surrogate.coordinates`).
     rng
         Source of the subset, the restarts and the inducing points.
     subset
@@ -164,14 +140,17 @@ def train(
     Returns
     -------
     GaussianProcess
-        The processes, with standard deviations calibrated on the leave-one-out residuals.
+        The processes, with standard deviations calibrated on runs left out: of 200 at most (and not more
+        than `subset`) in folds, with length scales found again, of more one by one.
     """
     for name, count in (("subset", subset), ("inducing_points", inducing_points)):
         if count < 2:
             raise StudyError.at(f"gpr: {name}", count, "2 or more")
-    n = len(problem.Z)
+    coordinates = Coordinates.of(problem)
+    own = coordinates.problem(problem)
+    n = len(own.Z)
     chosen = np.sort(rng.choice(n, size=min(n, subset), replace=False))
-    d = problem.Z.shape[1]
+    d = own.Z.shape[1]
     fixed = np.repeat(FIRST_LENGTH_SCALES, d).reshape(-1, d)
     lowest, highest = RESTART_RANGE
     random = lowest * (highest / lowest) ** rng.uniform(size=(restarts, d))
@@ -179,14 +158,16 @@ def train(
     processes = []
     # A stream of its own: a random design from the same seed would be drawn once more.
     stream = rng.spawn(1)[0]
-    fresh = fresh_points(problem, stream)
-    for t in problem.T.T:
-        length_scale = fit_length_scale(problem.Z[chosen], t[chosen], starts)
-        if n <= exact_limit:
-            processes.append(_condition(problem.Z, t, length_scale, fresh, stream))
+    fresh = coordinates.forward(fresh_points(problem, stream))
+    for t in own.T.T:
+        length_scale = fit_length_scale(own.Z[chosen], t[chosen], starts)
+        if n in FEW_RUNS and n <= subset:
+            processes.append(_condition_few(own.Z, t, length_scale, fresh, stream))
+        elif n <= exact_limit:
+            processes.append(_condition(own.Z, t, length_scale, fresh, stream))
         else:
-            processes.append(_condition_sparsely(problem.Z, t, length_scale, inducing_points, rng))
-    return GaussianProcess(tuple(processes))
+            processes.append(_condition_sparsely(own.Z, t, length_scale, inducing_points, rng))
+    return GaussianProcess(tuple(processes), coordinates)
 
 
 def fit_length_scale(Z: Array, t: Array, starts: Array) -> Array:
@@ -247,19 +228,6 @@ def _negative_log_likelihood(
     return float(value), 0.5 * np.einsum("ij,ijk->k", inner, slopes)
 
 
-def kernel(Z: Array, centres: Array, length_scale: Array) -> Array:
-    """Return exp(−½ Σ ((z − c)/ℓ)²), shape (n_points, n_centres).
-
-    The differences are formed before they are squared: ‖z‖² + ‖c‖² − 2 z·c would cost half the digits that
-    the weights, large and of alternating sign, need.
-    """
-    from scipy.spatial.distance import cdist
-
-    K: Array = cdist(Z / length_scale, centres / length_scale, "sqeuclidean")
-    K *= -0.5
-    return np.exp(K, out=K)
-
-
 def _with_smallest_nugget(attempt: Callable[[float], T]) -> tuple[T, float]:
     """Return the first result of `attempt` whose factorisation passes, and the nugget, raised tenfold."""
     nugget = SMALLEST_NUGGET
@@ -289,7 +257,7 @@ def _cholesky(Z: Array, length_scale: Array) -> tuple[Array, float]:
 
 
 def _condition(Z: Array, t: Array, length_scale: Array, fresh: Array, rng: np.random.Generator) -> Process:
-    """Condition the process on every run."""
+    """Condition the process on every run, its standard deviation calibrated on runs left out one by one."""
     from scipy.linalg import cho_solve, solve_triangular
 
     n = len(Z)
@@ -302,33 +270,27 @@ def _condition(Z: Array, t: Array, length_scale: Array, fresh: Array, rng: np.ra
     unit[sample, np.arange(len(sample))] = 1.0
     inverse_diagonal = np.sum(solve_triangular(factor, unit, lower=True) ** 2, axis=0)
     process = Process(length_scale, Z, weights, factor, None, nugget, 1.0)
-    ratio = _fresh_to_left_out(process, sample, inverse_diagonal, fresh, rng)
+    ratio = fresh_to_left_out(process, sample, inverse_diagonal, fresh, rng) if len(fresh) else 1.0
     return replace(process, deviation=ratio * calibrated(weights[sample] / np.sqrt(inverse_diagonal)))
 
 
-def _fresh_to_left_out(
-    process: Process,
-    sample: NDArray[np.intp],
-    inverse_diagonal: Array,
-    fresh: Array,
-    rng: np.random.Generator,
-) -> float:
-    """Return the error at fresh points over that at runs left out, both over their standard deviations.
+def _condition_few(
+    Z: Array, t: Array, length_scale: Array, fresh: Array, rng: np.random.Generator
+) -> Process:
+    """Condition the process on so few runs that the length scales found on them have to be found again."""
+    none = np.zeros((0, Z.shape[1]))
 
-    It is measured on random functions somewhat rougher than the process is made for, and 1 at most (see
-    `tensegra.surrogate.design`).
-    """
-    from scipy.linalg import cho_solve
+    def standardised(used: Indices, fold: Indices) -> Array:
+        # From a start that does not know the fold; the length scales of all runs would.
+        again = fit_length_scale(Z[used], t[used], np.full((1, Z.shape[1]), FIRST_LENGTH_SCALES[0]))
+        process = _condition(Z[used], t[used], again, none, rng)
+        residual = t[fold] - process.kernel(Z[fold]) @ process.weights
+        # An output that does not vary has neither errors nor a deviation.
+        std = process.deviation * np.sqrt(process.variance(Z[fold]))
+        return np.asarray(residual / np.maximum(std, np.finfo(float).tiny))
 
-    lower, upper = process.centres.min(axis=0), process.centres.max(axis=0)
-    centres = lower + (upper - lower) * rng.uniform(-0.2, 1.2, size=(BUMPS, len(lower)))
-    mixtures = rng.normal(size=(BUMPS, N_MIXTURES))
-    rougher = ROUGHNESS * process.length_scale
-    weights = cho_solve((process.factor, True), kernel(process.centres, centres, rougher) @ mixtures)
-    left_out = np.abs(weights[sample]) / np.sqrt(inverse_diagonal)[:, None]
-    error = np.abs(kernel(fresh, centres, rougher) @ mixtures - process.kernel(fresh) @ weights)
-    error /= np.sqrt(process.variance(fresh))[:, None]
-    return fresh_ratio(error, left_out)
+    process = _condition(Z, t, length_scale, fresh, rng)
+    return replace(process, deviation=process.deviation * fold_factor(len(Z), standardised, rng))
 
 
 def _condition_sparsely(
@@ -374,18 +336,6 @@ def _spread(Z: Array, length_scale: Array, n_centres: int) -> NDArray[np.intp]:
         left[pivot] = 0.0
         chosen.append(pivot)
     return np.sort(np.array(chosen))
-
-
-def calibrated(standardised_residuals: Array) -> float:
-    """Return the factor that makes 90 % of the residuals lie within their 90 % interval."""
-    return float(np.quantile(np.abs(standardised_residuals), 0.9) / HALF_WIDTH_90)
-
-
-def _slope(process: Process, Z: Array) -> Array:
-    """Return the gradient of one process, shape (n_points, n_inputs)."""
-    K = process.kernel(Z)
-    pull = K @ (process.weights[:, None] * process.centres) - Z * (K @ process.weights)[:, None]
-    return np.asarray(pull / process.length_scale**2)
 
 
 def _blockwise(Z: Array, function: Callable[[Array], Array]) -> Array:

@@ -39,6 +39,10 @@ class Rows:
         if self.n_rows <= n_rows:
             return self
         chosen = np.sort(rng.choice(len(self.Z), size=n_rows // self.targets.shape[1], replace=False))
+        return self.of_runs(chosen)
+
+    def of_runs(self, chosen: NDArray[np.intp]) -> "Rows":
+        """Return the rows of some runs."""
         dT = None if self.dT is None else self.dT[chosen]
         return Rows(self.Z[chosen], self.targets[chosen, 0], dT)
 
@@ -130,16 +134,7 @@ def independent(rows: Rows, recurrences: Array, indices: Indices) -> LeastSquare
             dependent[rows.n_rows :] = True
         if not dependent.any():
             return system
-        indices = _downward_closed(indices[~dependent])
-
-
-def _downward_closed(indices: Indices) -> Indices:
-    """Return the terms all of whose divisors are there too."""
-    inside: set[tuple[int, ...]] = set()
-    for alpha in map(tuple, indices[np.argsort(indices.sum(axis=1), kind="stable")].tolist()):
-        if all((*alpha[:j], d - 1, *alpha[j + 1 :]) in inside for j, d in enumerate(alpha) if d):
-            inside.add(alpha)
-    return np.array([alpha for alpha in map(tuple, indices.tolist()) if alpha in inside], dtype=np.int64)
+        indices = indices[~dependent]
 
 
 def leverages(factor: Array, values: Array) -> Array:

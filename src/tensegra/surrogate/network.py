@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.errors import StudyError
+from tensegra.surrogate.coordinates import Coordinates
 from tensegra.surrogate.problem import Problem, Scaling
 from tensegra.surrogate.threads import one_thread
 from tensegra.surrogate.validation import HALF_WIDTH_90
@@ -45,11 +46,14 @@ class Network:
         Calibrated amplitude of each output's standard deviation, shape (n_outputs,); empty for one network.
     floor
         Least disagreement assumed of the members, shape (n_outputs,); empty for one network.
+    coordinates
+        What the first layer sees of the inputs.
     """
 
     members: tuple[Layers, ...]
     deviation: Array
     floor: Array
+    coordinates: Coordinates
 
     @property
     def has_std(self) -> bool:
@@ -58,17 +62,22 @@ class Network:
 
     def predict(self, Z: Array) -> Array:
         """Return the mean of the members' outputs."""
-        return self.each(Z).mean(axis=0) if self.has_std else evaluate(self.members[0], Z)
+        return np.asarray(self.each(Z).mean(axis=0)) if self.has_std else self.each(Z)[0]
 
     def predict_fast(self, X: Array, scaling: Scaling) -> Array:
         """Return the outputs in their own units, computed in single precision."""
-        single = [_single(layers, scaling, len(self.members)) for layers in self.members]
+        if self.coordinates.all_raw:
+            shift, scale = scaling.input_shift, scaling.input_scale
+        else:
+            X = self.coordinates.forward(scaling.inputs(X))
+            shift, scale = np.zeros_like(scaling.input_shift), np.ones_like(scaling.input_scale)
+        single = [_single(layers, scale, scaling.output_scale / len(self.members)) for layers in self.members]
         states = [_states(layers) for layers in single]
         Y = np.empty((len(X), scaling.output_shift.size))
         with one_thread():
             for start in range(0, len(X), BLOCK):
                 # Shifted in double precision, which inputs far from zero would lose digits without.
-                A = (X[start : start + BLOCK] - scaling.input_shift).astype(np.float32)
+                A = (X[start : start + BLOCK] - shift).astype(np.float32)
                 answers = [_forward(layers, A, state) for layers, state in zip(single, states, strict=True)]
                 np.add(sum(answers[1:], answers[0]), scaling.output_shift, out=Y[start : start + BLOCK])
         return Y
@@ -79,19 +88,23 @@ class Network:
 
     def gradient(self, Z: Array) -> Array:
         """Return the mean of the members' derivatives."""
-        return np.asarray(np.mean([slope(layers, Z) for layers in self.members], axis=0))
+        W = self.coordinates.forward(Z)
+        mean = np.asarray(np.mean([slope(layers, W) for layers in self.members], axis=0))
+        return self.coordinates.gradient(Z, mean)
 
     def each(self, Z: Array) -> Array:
         """Return the outputs of each member, shape (n_members, n_points, n_outputs)."""
-        return np.stack([evaluate(layers, Z) for layers in self.members])
+        W = self.coordinates.forward(Z)
+        return np.stack([evaluate(layers, W) for layers in self.members])
 
     def state(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return arrays and settings; see `from_state`."""
-        arrays = {"deviation": self.deviation, "floor": self.floor}
+        arrays, settings = self.coordinates.state()
+        arrays |= {"deviation": self.deviation, "floor": self.floor}
         for m, layers in enumerate(self.members):
             for i, (W, b) in enumerate(layers):
                 arrays |= {f"weights_{m}_{i}": W, f"offsets_{m}_{i}": b}
-        return arrays, {"layers": [len(layers) for layers in self.members]}
+        return arrays, settings | {"layers": [len(layers) for layers in self.members]}
 
     @classmethod
     def from_state(cls, arrays: Mapping[str, NDArray[Any]], settings: Mapping[str, Any]) -> Self:
@@ -100,7 +113,7 @@ class Network:
             tuple((arrays[f"weights_{m}_{i}"], arrays[f"offsets_{m}_{i}"]) for i in range(n_layers))
             for m, n_layers in enumerate(settings["layers"])
         )
-        return cls(members, arrays["deviation"], arrays["floor"])
+        return cls(members, arrays["deviation"], arrays["floor"], Coordinates.from_state(arrays, settings))
 
 
 def train(
@@ -120,7 +133,8 @@ def train(
     Parameters
     ----------
     problem
-        The standardised runs.
+        The standardised runs. Inputs with heavy tails are learnt in their logarithm
+        (`tensegra.surrogate.coordinates`).
     rng
         Source of the first weights and, for an ensemble, of the runs it is calibrated on.
     training
@@ -168,8 +182,10 @@ def train(
             )
         return levenberg_marquardt(first, Z, T, dT, 80 if iterations is None else iterations)
 
+    coordinates = Coordinates.of(problem)
+    problem = coordinates.problem(problem)
     if ensemble == 1:
-        return Network((one(problem, rng),), np.zeros(0), np.zeros(0))
+        return Network((one(problem, rng),), np.zeros(0), np.zeros(0), coordinates)
     order = rng.permutation(len(problem.Z))
     n_kept = min(CALIBRATION_POINTS, round(CALIBRATION_SHARE * len(order)))
     if len(order) < FEWEST_RUNS:
@@ -177,7 +193,7 @@ def train(
         raise StudyError.at("nn: ensemble", f"{len(order)} runs", expected)
     kept, used = problem.rows(np.sort(order[:n_kept])), problem.rows(np.sort(order[n_kept:]))
     members = tuple(one(used, stream) for stream in rng.spawn(ensemble))
-    return calibrated(members, kept.Z, kept.T)
+    return calibrated(members, kept.Z, kept.T, coordinates)
 
 
 def initial_layers(sizes: Sequence[int], rng: np.random.Generator) -> Layers:
@@ -216,12 +232,11 @@ def _forward(layers: Layers, A: Floats, states: Sequence[Floats]) -> Array:
     return np.asarray(A @ W + b)
 
 
-def _single(layers: Layers, scaling: Scaling, n_members: int) -> Layers:
+def _single(layers: Layers, input_scale: Array, output_scale: Array) -> Layers:
     """Return a network in single precision: from shifted inputs to its share of the outputs without shift."""
     weights, offsets = [W for W, _ in layers], [b for _, b in layers]
-    weights[0] = weights[0] / scaling.input_scale[:, None]
-    share = scaling.output_scale / n_members
-    weights[-1], offsets[-1] = weights[-1] * share, offsets[-1] * share
+    weights[0] = weights[0] / input_scale[:, None]
+    weights[-1], offsets[-1] = weights[-1] * output_scale, offsets[-1] * output_scale
     return tuple((W.astype(np.float32), b.astype(np.float32)) for W, b in zip(weights, offsets, strict=True))
 
 
@@ -241,7 +256,7 @@ def disagreement(outputs: Array, floor: Array) -> Array:
     return np.asarray(np.hypot(outputs.std(axis=0, ddof=1), floor))
 
 
-def calibrated(members: tuple[Layers, ...], Z: Array, T: Array) -> Network:
+def calibrated(members: tuple[Layers, ...], Z: Array, T: Array, coordinates: Coordinates) -> Network:
     """Return the ensemble whose 90 % intervals hold at 90 % of points that no member was trained on.
 
     The floor is half the median disagreement: that of a few members scatters, and where they happen to agree
@@ -251,4 +266,4 @@ def calibrated(members: tuple[Layers, ...], Z: Array, T: Array) -> Network:
     floor = np.maximum(0.5 * np.median(outputs.std(axis=0, ddof=1), axis=0), np.finfo(float).tiny)
     residual = np.abs(outputs.mean(axis=0) - T)
     factor = np.quantile(residual / disagreement(outputs, floor), 0.9, axis=0) / HALF_WIDTH_90
-    return Network(members, np.asarray(factor), floor)
+    return Network(members, np.asarray(factor), floor, coordinates)

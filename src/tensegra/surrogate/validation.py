@@ -19,6 +19,7 @@ __all__ = ["HALF_WIDTH_90", "Validation", "fold_indices", "measure"]
 Array: TypeAlias = NDArray[np.float64]
 
 HALF_WIDTH_90 = 1.6448536269514722  # the 95 % quantile of the standard normal law
+IN_UNITS = ("mean_abs_error", "rms_error", "max_abs_error")  # measured in the output's unit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +42,9 @@ class Validation:
         Eq. (8), Σ(q̂ − q̄)²/Σ(q − q̄)², which is 1 for a perfect surrogate but can exceed 1.
     r2
         The usual 1 − Σ(q̂ − q)²/Σ(q − q̄)².
-    max_abs_error
-        Largest \|q̂ − q\|, in the output's unit.
+    mean_abs_error, rms_error, max_abs_error
+        Mean, root mean square and largest \|q̂ − q\|, in the output's unit: what an error is where the output
+        passes zero and a relative one says nothing.
     coverage_90
         Share of runs inside the surrogate's 90 % interval, or None without standard deviations.
     outcome_right
@@ -58,6 +60,8 @@ class Validation:
     normalised_error: tuple[float, ...]
     r2_paper: tuple[float, ...]
     r2: tuple[float, ...]
+    mean_abs_error: tuple[float, ...]
+    rms_error: tuple[float, ...]
     max_abs_error: tuple[float, ...]
     coverage_90: tuple[float, ...] | None = None
     outcome_right: float | None = None
@@ -90,7 +94,7 @@ class Validation:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one row per output, for a table."""
-        measures = ("relative_error", "normalised_error", "r2_paper", "r2", "max_abs_error", "coverage_90")
+        measures = ("relative_error", "normalised_error", "r2_paper", "r2", *IN_UNITS, "coverage_90")
         return [
             {"output": name}
             | {m: None if getattr(self, m) is None else getattr(self, m)[i] for m in measures}
@@ -109,10 +113,11 @@ class Validation:
         """Return a line of text per output."""
         lines = []
         for row, unit in zip(self.rows(), units, strict=True):
-            largest = f"{row['max_abs_error']:.2e} {unit}".rstrip()
+            mean, rms, largest = (f"{row[name]:.2e} {unit}".rstrip() for name in IN_UNITS)
             line = (
                 f"{row['output']:<16} {row['relative_error']:.2e} relative (Eq. 7), "
-                f"R² {row['r2']:.6f} (Eq. 8: {row['r2_paper']:.6f}), largest {largest}"
+                f"R² {row['r2']:.6f} (Eq. 8: {row['r2_paper']:.6f}), "
+                f"mean {mean}, root mean square {rms}, largest {largest}"
             )
             if row["coverage_90"] is not None:
                 line += f", 90 % interval covers {row['coverage_90']:.1%}"
@@ -163,6 +168,8 @@ def measure(
             "normalised_error": np.where(error.any(axis=0), error.mean(axis=0) / size.mean(axis=0), 0.0),
             "r2_paper": np.sum((prediction - mean) ** 2, axis=0) / total,
             "r2": 1 - np.sum(error**2, axis=0) / total,
+            "mean_abs_error": error.mean(axis=0),
+            "rms_error": np.sqrt(np.mean(error**2, axis=0)),
             "max_abs_error": error.max(axis=0),
         }
     covered = None if std is None else np.mean(error <= HALF_WIDTH_90 * std, axis=0)
@@ -176,6 +183,8 @@ def measure(
         normalised_error=measures["normalised_error"],
         r2_paper=measures["r2_paper"],
         r2=measures["r2"],
+        mean_abs_error=measures["mean_abs_error"],
+        rms_error=measures["rms_error"],
         max_abs_error=measures["max_abs_error"],
         coverage_90=None if covered is None else tuple(map(float, covered)),
     )

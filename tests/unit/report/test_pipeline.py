@@ -163,3 +163,19 @@ def test_a_study_can_ask_for_every_kind_of_surrogate(small_study, tmp_path):
     content = results.analyses[0].content
     assert 0 < content["n_failed"] < 100
     assert content["statuses"]["collapsed"] == content["n_failed"]
+
+
+def test_a_variable_of_few_values_is_learnt_and_propagated(small_study, tmp_path):
+    """Polynomials of a density ended in infinities where a law has atoms."""
+    variables = {
+        "A14": {"actuator": "A14", "distribution": {"uniform": [0.0, 0.02]}},
+        "T": {"temperature": "top", "distribution": {"discrete": {"values": [0, 20, 50]}}},
+    }
+    surrogates = {"polynomial": {"kind": "pce"}, "any": {"kind": "auto", "time_budget": 0.01}}
+    spread = {"propagation": {"model": "polynomial", "samples": 200}}
+    study = small_study(variables=variables, surrogates=surrogates, analyses=[spread])
+    results = carry_out(study, tmp_path, workers=1)
+    assert results.succeeded
+    surrogate = results.surrogates["polynomial"].surrogate
+    assert surrogate.model.indices[:, 1].max() <= 2
+    assert max(surrogate.validation.r2) > 0.999

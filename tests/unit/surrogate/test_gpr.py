@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from tensegra.errors import StudyError
-from tensegra.surrogate import fit
+from tensegra.study import TrainingData
+from tensegra.surrogate import fit, intervals
 from tensegra.surrogate import gpr as gpr_module
 
 
@@ -32,7 +33,8 @@ def test_each_output_has_its_own_length_scales():
 def test_deviation_is_calibrated_on_leave_one_out_residuals():
     """The closed form equals conditioning once per run without it."""
     X = uniform(40)
-    surrogate = fit((X, np.sin(8 * X[:, 0] + 5 * X[:, 1])), "gpr", validation=None)
+    # With a smaller subset than runs the length scales are kept when a run is left out.
+    surrogate = fit((X, np.sin(8 * X[:, 0] + 5 * X[:, 1])), "gpr", subset=39, validation=None)
     process = surrogate.model.processes[0]
     t = surrogate.scaling.outputs(np.sin(8 * X[:, 0] + 5 * X[:, 1])[:, None])[:, 0]
     K = process.kernel(process.centres) + process.nugget * np.eye(40)
@@ -122,3 +124,38 @@ def test_too_small_a_subset_is_refused():
     X = uniform(20)
     with pytest.raises(StudyError, match="gpr: subset: found 1"):
         fit((X, X), "gpr", subset=1)
+
+
+def test_the_length_scales_of_few_runs_are_found_again_without_each_fold(monkeypatch):
+    """What fits 60 runs too well tells their errors too small; found without them it does not."""
+    X = np.random.default_rng(4).uniform(size=(100, 8))
+    new = np.random.default_rng(5).uniform(size=(2000, 8))
+
+    def kinked(X):
+        return np.prod((np.abs(4 * X - 2) + np.arange(8)) / (1 + np.arange(8)), axis=1)
+
+    def coverage():
+        data = TrainingData(X=X, Y=kinked(X), bounds=[[0, 1]] * 8)
+        return fit(data, "gpr", validation=(new, kinked(new))).validation.coverage_90[0]
+
+    again = coverage()
+    monkeypatch.setattr(gpr_module, "FEW_RUNS", range(0))
+    assert coverage() < again - 0.05
+    assert 0.75 < again < 0.98
+
+
+def test_fold_factors_never_shrink_and_follow_the_errors():
+    rng = np.random.default_rng(0)
+    calls = []
+
+    def errors(size):
+        def standardised(used, fold):
+            calls.append(len(fold))
+            assert not set(used) & set(fold)
+            return size * np.random.default_rng(len(calls)).normal(size=len(fold))
+
+        return standardised
+
+    assert intervals.fold_factor(150, errors(0.1), rng) == 1.0
+    assert intervals.fold_factor(150, errors(2.0), rng) == pytest.approx(2.2, abs=0.5)
+    assert 100 <= sum(calls) // 2 < 120  # enough of them, not all

@@ -37,8 +37,8 @@ def test_it_is_right_within_the_regimes_and_about_them(surrogate):
     assert surrogate.validation.outcome_right > 0.98
     assert surrogate.validation.error < 1e-4
     assert "outcome right for 9" in repr(surrogate)
-    # One surrogate for all of it is worth a hundredth of that.
-    assert fit(data(1500), "pce", validation=data(1000, seed=1)).validation.error > 100 * 1e-5
+    # One surrogate for all of it is worth a fiftieth of that.
+    assert fit(data(1500), "pce", validation=data(1000, seed=1)).validation.error > 50 * 1e-5
 
 
 def test_it_says_which_regime_it_speaks_for_and_where_it_does_not(surrogate):

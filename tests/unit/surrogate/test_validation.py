@@ -22,6 +22,8 @@ def test_measures_by_hand():
     assert v.normalised_error == pytest.approx([0.4 / 6, 2 / 90])
     assert v.r2_paper == pytest.approx([(0.81 + 0 + 0.49) / 2, (400 + 144 + 900) / 1400])  # Eq. (8)
     assert v.r2 == pytest.approx([1 - 0.1 / 2, 1 - 4 / 1400])
+    assert v.mean_abs_error == pytest.approx([0.4 / 3, 2 / 3])  # in the outputs' own units
+    assert v.rms_error == pytest.approx([np.sqrt(0.1 / 3), np.sqrt(4 / 3)])
     assert v.max_abs_error == pytest.approx([0.3, 2.0])
     assert v.coverage_90 is None
     assert (v.n_train, v.n_validation) == (7, 3)
