@@ -29,7 +29,15 @@ if TYPE_CHECKING:
         sobol_indices,
     )
     from tensegra.errors import ModelError, SolverError, StudyError, TensegraError
-    from tensegra.mechanics import Batch, EquilibriumPath, PathSettings, Status, solve_batch, solve_path
+    from tensegra.mechanics import (
+        Batch,
+        EquilibriumPath,
+        PathSettings,
+        Session,
+        Status,
+        solve_batch,
+        solve_path,
+    )
     from tensegra.structure import (
         Structure,
         Units,
@@ -58,6 +66,7 @@ __all__ = [
     "RobustOptimum",
     "Screening",
     "Sensitivity",
+    "Session",
     "SolverError",
     "Status",
     "Structure",
@@ -103,7 +112,15 @@ _HOMES = {
         "read_structure",
         "write_structure",
     ),
-    "mechanics": ("Batch", "EquilibriumPath", "PathSettings", "Status", "solve_batch", "solve_path"),
+    "mechanics": (
+        "Batch",
+        "EquilibriumPath",
+        "PathSettings",
+        "Session",
+        "Status",
+        "solve_batch",
+        "solve_path",
+    ),
     "study": ("Campaign", "Study", "TrainingData", "open_campaign", "parse_study", "read_study"),
     "surrogate": ("Surrogate", "fit", "load_surrogate"),
     "analysis": (

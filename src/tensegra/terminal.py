@@ -121,6 +121,9 @@ def show_path(path: "EquilibriumPath", *, as_json: bool = False) -> None:
     slack = path.final.slack_members
     if slack:
         _print_line(f"Slack: {', '.join(slack)}.")
+    free = path.final.rigid_motions
+    if free:
+        _print_line(f"Free, held by neither supports nor loads: {', '.join(free)}.")
     reason = f": {path.reason}" if path.reason else ""
     _print_line(f"The history is {path.status}{reason}.")
 

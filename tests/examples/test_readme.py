@@ -8,11 +8,9 @@ from tensegra.cli import main
 ROOT = Path(__file__).parents[2]
 
 
-def blocks(language):
-    """Return the code blocks of the README in a language."""
-    return re.findall(
-        rf"```{language}\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL
-    )
+def blocks(language, page="README.md"):
+    """Return the code blocks of a page in a language."""
+    return re.findall(rf"```{language}\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
 
 
 def test_the_python_example_prints_what_it_says(capsys, monkeypatch):
@@ -24,6 +22,14 @@ def test_the_python_example_prints_what_it_says(capsys, monkeypatch):
     for said, found in zip(promised, printed, strict=True):
         assert not said or said == found
     assert printed[-1] == "Study('beam': A14, A23, T_top, T_middle, T_bottom → u, v, w; 1024 points)"
+
+
+def test_the_page_on_mechanics_prints_what_it_says(capsys):
+    (code,) = blocks("python", "docs/mechanics.md")
+    exec(compile(code, "docs/mechanics.md", "exec"), {})  # noqa: S102 - our own
+    printed = capsys.readouterr().out.splitlines()
+    promised = [line.partition("  # ")[2] for line in code.splitlines() if line.startswith("print(")]
+    assert printed == promised
 
 
 def test_files_and_commands_that_are_named_exist(capsys):

@@ -3,6 +3,7 @@
 from tensegra.mechanics.batch import Batch, solve_batch
 from tensegra.mechanics.path import solve_path
 from tensegra.mechanics.results import Equilibrium, EquilibriumPath
+from tensegra.mechanics.session import Session
 from tensegra.mechanics.settings import PathSettings
 from tensegra.mechanics.status import CriticalPoint, PathPoint, SlackEvent, Status
 
@@ -13,6 +14,7 @@ __all__ = [
     "EquilibriumPath",
     "PathPoint",
     "PathSettings",
+    "Session",
     "SlackEvent",
     "Status",
     "solve_batch",

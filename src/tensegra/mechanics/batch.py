@@ -28,8 +28,8 @@ from tensegra.mechanics.path import prepare, softest_modes
 from tensegra.mechanics.reactions import reactions
 from tensegra.mechanics.settings import PathSettings, Policy, Procedure, path_settings
 from tensegra.mechanics.stability import free_mechanisms
-from tensegra.mechanics.status import Status, axis_index, index_of, names_in
 from tensegra.mechanics.stages import Ground
+from tensegra.mechanics.status import Status, axis_index, index_of, names_in
 from tensegra.mechanics.variants import Variants
 from tensegra.structure import Structure
 

@@ -17,6 +17,7 @@ from tensegra.mechanics.derivatives import (
     direction_of,
     settle_tangent,
 )
+from tensegra.mechanics.ends import StageEnd
 from tensegra.mechanics.inputs import (
     Actuation,
     Inputs,
@@ -30,7 +31,6 @@ from tensegra.mechanics.path import Prepared, actuated, stage_targets, through_s
 from tensegra.mechanics.rigid import RigidMotions, in_frame
 from tensegra.mechanics.stages import Ground, Leg
 from tensegra.mechanics.status import Status
-from tensegra.mechanics.supervise import StageEnd
 from tensegra.mechanics.tangent import Tangent
 from tensegra.mechanics.variants import Variants, varied_arrays, varied_structure
 from tensegra.structure import Structure
@@ -144,10 +144,10 @@ def solve_block(
 
 
 def _whole(end: StageEnd, before: Sequence[StageEnd]) -> tuple[np.ndarray, np.ndarray]:
-    """Return status and reason of whole histories: ``snapped`` where they left a branch anywhere on the way."""
+    """Return status and reason of whole histories, ``snapped`` where they left a branch on the way."""
     status, reason = np.array([str(one) for one in end.status], dtype=np.object_), end.reason.copy()
-    for stage in reversed(before):
-        stage = stage.of_all(len(status))
+    for one_or_all in reversed(before):
+        stage = one_or_all.of_all(len(status))
         left = np.array([one is not Status.STABLE for one in stage.status], dtype=np.bool_)
         status[left & (status == str(Status.STABLE))] = str(Status.SNAPPED)
         for run in map(int, np.flatnonzero(stage.reason != "")):

@@ -52,7 +52,7 @@ def begin(topology, lanes, lane):
 
 @njit
 def reread(topology, lanes, lane):
-    """Put what each member would carry at its present length, were it taut, in place of what was predicted."""
+    """Put what each member would carry at its length, were it taut, in place of what was predicted."""
     for e in range(topology.n_members):
         l0, ea, length = (
             get(lanes.rest_length, e, lane),
@@ -152,7 +152,7 @@ def weigh(topology, lanes):
 
 @njit
 def _lowest(start, start_rate, end, end_rate):
-    """Return the lowest value of a cubic on the unit interval that falls at its start and rises at its end."""
+    """Return the lowest value of a cubic on the unit interval that falls at first and rises at its end."""
     a = start_rate + end_rate - 2.0 * (end - start)
     b = 3.0 * (end - start) - 2.0 * start_rate - end_rate
     # Of a t³ + b t² + ċ t the derivative has one root in between, for it changes its sign there.

@@ -194,7 +194,7 @@ def _orthogonalise(vectors, k, others, n_others, n):
 
 @njit
 def _orthonormalise(vectors, k, rigid, n_rigid, n):
-    """Make vector `k` a unit vector apart from the rigid motions and from those before it; zero if it is none.
+    """Make vector `k` a unit vector apart from the rigid motions and those before it; zero if it is none.
 
     A structure may have fewer motions than there are vectors: what is left of the others is rounding.
     """

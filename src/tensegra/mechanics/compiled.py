@@ -55,7 +55,8 @@ def _compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401 - a Dispatch
     # Numba has no public way to say what a cache depends on; without this one it watches one file.
     index: Any = getattr(kept, "_cache_file", None)
     if hasattr(index, "_source_stamp"):
-        index._source_stamp = (index._source_stamp, DIGEST)  # noqa: SLF001 - see above
+        # The digest alone, without the time of a file: a cache may be carried with a copy of the package.
+        index._source_stamp = DIGEST  # noqa: SLF001 - see above
     if hasattr(kept, "save_overload"):
         kept.save_overload = _forgiving(kept.save_overload)
     return dispatcher

@@ -3,8 +3,8 @@
 Each step solves (K + μI) u = p − f with μ ≥ 0 such that the matrix is positive definite, the energy falls and
 no coordinate moves by more than a bound: a discrete gradient flow, as of a structure that is loaded slowly,
 which turns into Newton's method where K is positive definite. The bound does not depend on the settings of a
-path, so neither does where a structure falls to. In balance, K shifted to either side of zero by what rounding
-cannot tell from it says whether the structure stands, is neutral, or sits on a saddle.
+path, so neither does where a structure falls to. In balance, K shifted to either side of zero by what
+rounding cannot tell from it says whether the structure stands, is neutral, or sits on a saddle.
 """
 
 from typing import NamedTuple

@@ -183,7 +183,7 @@ def follow_runs(topology, runs, control, outcome, record, lanes, first, last):
         if np.any((course.action == _CORRECT) & (course.mode == _EVENT)):
             velocity(topology, lanes)
         for lane in range(n):
-            # One more correction with the factor at hand is free: it takes off the digits that the tolerance left.
+            # One more correction with the factor at hand is free: it takes off what the tolerance left.
             moves = course.action[lane] == _CORRECT or course.action[lane] == _LAND
             put(lanes.active, 0, lane, 1.0 if moves else 0.0)
         correct(topology, lanes)
@@ -195,7 +195,7 @@ def follow_runs(topology, runs, control, outcome, record, lanes, first, last):
                 put(lanes.step, 0, lane, get(lanes.parameter, 0, lane) - course.base[lane])
             weigh(topology, lanes)
             for lane in range(n):
-                _decide(topology, control, lanes, course, lane)
+                _decide(topology, lanes, course, lane)
                 stands = course.action[lane] == _STAND or course.action[lane] == _COMMIT
                 put(lanes.active, 0, lane, 1.0 if stands else 0.0)
                 found = course.action[lane] == _COMMIT or (stands and course.mode[lane] == _START)
@@ -283,11 +283,11 @@ def _judge(topology, control, lanes, course):
 
 
 @njit
-def _decide(topology, control, lanes, course, lane):
+def _decide(topology, lanes, course, lane):
     """Say what becomes of a point: whether it is on the branch of its base, and if not what is done."""
     action, mode, size = course.action[lane], course.mode[lane], number(topology.numbers, 0)
     course.taken[lane] = 0.0
-    if action != _ACCEPT and action != _LAND:
+    if action != _ACCEPT and action != _LAND:  # noqa: PLR1714 - compiled: no set
         return
     miss, most = get(lanes.measure_of, 2, lane), get(lanes.measure_of, 3, lane)
     crossed, turned = get(lanes.measure_of, 4, lane) > 0.0, get(lanes.measure_of, 5, lane) > 0.0
@@ -314,7 +314,7 @@ def _go_on(topology, control, outcome, record, lanes, course, lane):
     outcome.iterations[r] += course.corrections[lane]
     if action == _STOP:
         return _stop(topology, control, outcome, lanes, course, lane)
-    if action == _STAND or action == _COMMIT:
+    if action == _STAND or action == _COMMIT:  # noqa: PLR1714, SIM109 - compiled: no set
         past_event = action == _COMMIT and mode == _EVENT
         if action == _COMMIT:
             outcome.steps[r] += 1

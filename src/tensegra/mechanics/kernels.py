@@ -320,8 +320,10 @@ def solve(topology, lanes, rhs):
 
 @njit
 def _times_pivot(pivot_inverse, q, y0, y1, y2):
-    """Return D⁻¹ y for a block of D = L diag(d) Lᵀ, by substitution: an inverse of its own would lose digits
-    where the block is nearly singular."""
+    """Return D⁻¹ y for a block of D = L diag(d) Lᵀ, by substitution.
+
+    An inverse of its own would lose digits where the block is nearly singular.
+    """
     l10, l20, l21 = load(pivot_inverse, q), load(pivot_inverse, q + 1), load(pivot_inverse, q + 2)
     y1 = fused(-1.0 * l10, y0, y1)
     y2 = fused(-1.0 * l21, y1, fused(-1.0 * l20, y0, y2))

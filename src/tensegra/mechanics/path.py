@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tensegra.mechanics.arrays import FloatArray, StructureArrays, structure_arrays
+from tensegra.mechanics.arrays import FloatArray, StructureArrays
 from tensegra.mechanics.derivatives import Direction, Given
-from tensegra.mechanics.solver import LARGEST_ITERATED
-from tensegra.mechanics.stages import Ground, Leg, first_leg, follow_leg, ground_of, reference_tensions
+from tensegra.mechanics.ends import StageEnd
 from tensegra.mechanics.inputs import (
     Actuation,
     Inputs,
@@ -21,10 +20,11 @@ from tensegra.mechanics.inputs import (
 )
 from tensegra.mechanics.results import Equilibrium, EquilibriumPath
 from tensegra.mechanics.settings import PathSettings, Policy, Procedure, path_settings
-from tensegra.mechanics.stability import free_mechanisms, with_mechanisms
+from tensegra.mechanics.solver import LARGEST_ITERATED
+from tensegra.mechanics.stability import with_mechanisms
+from tensegra.mechanics.stages import Ground, Leg, first_leg, follow_leg, ground_of, reference_tensions
 from tensegra.mechanics.state import N_VECTORS
 from tensegra.mechanics.status import Status
-from tensegra.mechanics.supervise import StageEnd
 from tensegra.mechanics.tangent import Tangent
 from tensegra.mechanics.trace import traced
 from tensegra.structure import Structure
@@ -138,7 +138,7 @@ def prepare(
     structure: Structure, *, settle_start: bool = False, settings: PathSettings | None = None
 ) -> Prepared:
     """Solve the stages of a structure, once for all actuations that start from them."""
-    ground = ground_of(structure_arrays(structure), settings or PathSettings())
+    ground = ground_of(structure, settings or PathSettings())
     return through_stages(structure, ground, ground.arrays, settle_start=settle_start)
 
 
@@ -168,12 +168,15 @@ def through_stages(
     for name, after in stage_targets(structure, arrays):
         reference = reference_tensions([end.tensions for end in ends] or [np.zeros(1)], arrays.stiffness)
         leg = Leg(
-            name, stage_inputs(arrays, inputs, after), arrays.stiffness, nodes, reference, n_runs, recorded=n_runs == 1
-        )  # fmt: skip
-        if not ends:
-            end = first_leg(ground, leg, settle=settle_start)
-        else:
-            end = _after(ground, leg, ends[-1])
+            name,
+            stage_inputs(arrays, inputs, after),
+            arrays.stiffness,
+            nodes,
+            reference,
+            n_runs,
+            recorded=n_runs == 1,
+        )
+        end = _after(ground, leg, ends[-1]) if ends else first_leg(ground, leg, settle=settle_start)
         ends.append(end)
         inputs, nodes = after, end.nodes
     return Prepared(structure, replace(ground, arrays=arrays) if n_runs > 1 else ground, tuple(ends), inputs)
@@ -290,12 +293,12 @@ def equilibrium_of(structure: Structure, ground: Ground, end: StageEnd) -> Equil
     )
     if result.status is Status.COLLAPSED:
         motions = ground.freedom(load.force).neutral
-        return with_mechanisms(result, free_mechanisms(arrays, motions, end.nodes[0], load))
+        return with_mechanisms(result, motions, end.nodes[0], load)
     return result
 
 
 def softest_modes(prepared: Prepared) -> FloatArray:
-    """Return the softest modes of K at the end of the stages, ``(n, n_nodes, 3)``; none where there is none."""
+    """Return the softest modes of K at the end of the stages, ``(n, n_nodes, 3)``, if any."""
     end, ground = prepared.ends[-1], prepared.ground
     nowhere = np.zeros((0, ground.arrays.n_nodes, 3))
     if end.status[0] not in (Status.STABLE, Status.SNAPPED) or ground.pattern.n_blocks > LARGEST_ITERATED:

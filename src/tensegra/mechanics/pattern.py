@@ -17,7 +17,7 @@ import numpy as np
 from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray, StructureArrays
 
 LONGEST_FILLED_PATH = 24
-"""Paths over more nodes than this get transports of their own (m² blocks against m / 3 unknown blocks)."""
+"""Paths over more nodes than this get transports of their own (m² blocks against m / 3 more)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,8 @@ class Pattern:
         cables.
     slide_target
         Where the products of a segment's eight unknowns stand in the blocks, ``(n, 8, 8)``: those of its
-        first node, of its second, and the transports at its ends; −1 where one is held, or above the diagonal.
+        first node, of its second, and the transports at its ends; −1 where one is held, or above the
+        diagonal.
     held_entry, held_diagonal
         Scalars (flat, nine a block) of partly held nodes that are to be zero, and those on the
         diagonal that are to be one.
@@ -191,7 +192,7 @@ def _paths(arrays: StructureArrays) -> tuple[IndexArray, IndexArray, IndexArray]
 
 
 def _transports(arrays: StructureArrays, slides: BoolArray) -> tuple[IndexArray, int]:
-    """Number the transports; return those at the two ends of each segment, −1 for none, and how many."""
+    """Count the transports; return those at the two ends of each segment, −1 for none, and how many."""
     ends, count = np.full((len(arrays.segment_nodes), 2), -1, dtype=np.int64), 0
     for e in np.flatnonzero(slides):
         first, last = arrays.segment_start[e], arrays.segment_start[e + 1]

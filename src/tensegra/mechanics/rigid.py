@@ -156,7 +156,7 @@ def held_for(arrays: StructureArrays, motions: RigidMotions, nodes: FloatArray) 
 
 
 def align(nodes: FloatArray, reference: FloatArray, motions: RigidMotions) -> FloatArray:
-    """Move positions along neutral motions to where their distance from a reference is least in the mean square.
+    """Move positions along neutral motions to where they are nearest to a reference in the mean square.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def in_frame(
 
 
 def _moved(nodes: FloatArray, motions: RigidMotions, shares: FloatArray) -> FloatArray:
-    """Go along a combination of motions as far as a unit of time takes: x ↦ exp(ξ) x of each node's ξ = (t, ω)."""
+    """Go along a combination of motions for a unit of time: x ↦ exp(ξ) x of each node's ξ = (t, ω)."""
     translation = np.einsum("...q,qni->...ni", shares, motions.translation)
     spin = np.einsum("...q,qni->...ni", shares, motions.spin)
     angle = np.linalg.norm(spin, axis=-1, keepdims=True)
@@ -258,10 +258,7 @@ def _motions_of(arrays: StructureArrays, members: BoolArray) -> list[tuple[Float
     _, singular, right = np.linalg.svd((left @ moving).T, full_matrices=False)
     left = right[singular > 1e2 * NOTHING * max(1.0, singular.max(initial=0.0))] @ left
     left = _beyond_first_order(left, held, x[np.nonzero(~free)[0]] / size, np.nonzero(~free)[1])
-    motions = []
-    for row in _by_axes(left):
-        motions.append((row[:3], row[3:] / size))
-    return motions
+    return [(row[:3], row[3:] / size) for row in _by_axes(left)]
 
 
 def _beyond_first_order(left: FloatArray, held: FloatArray, at: FloatArray, axis: np.ndarray) -> FloatArray:

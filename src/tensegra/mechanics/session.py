@@ -3,15 +3,12 @@
 from collections.abc import Mapping
 from typing import Any
 
-
-from tensegra.mechanics.arrays import FloatArray
 from tensegra.mechanics.derivatives import Given
 from tensegra.mechanics.inputs import Actuation, actuation_inputs, stage_inputs
 from tensegra.mechanics.path import ACTUATION, Prepared, equilibrium_of, missing_start, prepare, softest_modes
 from tensegra.mechanics.results import Equilibrium, EquilibriumPath
 from tensegra.mechanics.settings import PathSettings
 from tensegra.mechanics.stages import Leg, follow_leg, reference_tensions
-from tensegra.mechanics.supervise import StageEnd
 from tensegra.structure import Structure
 
 
@@ -46,7 +43,7 @@ class Session:
     def __init__(self, structure: Structure, settings: PathSettings | None = None) -> None:
         self._prepared: Prepared = prepare(structure, settings=settings)
         self._prepared.equilibria[-1].raise_for_status()
-        self._modes: FloatArray = softest_modes(self._prepared)
+        self._modes = softest_modes(self._prepared)
         self.reset()
 
     @property
@@ -61,7 +58,7 @@ class Session:
 
     def reset(self) -> None:
         """Go back to where the stages end."""
-        self._end: StageEnd = self._prepared.ends[-1]
+        self._end = self._prepared.ends[-1]
         self._inputs = self._prepared.inputs
         self._run = Actuation({}, {}, {}, {})
 

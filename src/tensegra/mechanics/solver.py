@@ -135,7 +135,7 @@ class Solver:
         )
 
     def outcome(self, nodes: FloatArray, n_runs: int, parameter: float | FloatArray = 0.0) -> Outcome:
-        """Return runs that stand at given positions ``(n_runs | 1, n_nodes, 3)``, nothing else being known."""
+        """Return runs that stand at given positions ``(n_runs | 1, n_nodes, 3)``; no more is known."""
         n, m = self.topology.n_coordinates, self.topology.n_members
         return Outcome(
             end=np.zeros(n_runs, dtype=np.int64),
@@ -243,7 +243,7 @@ class Solver:
 
     @cached_property
     def any_modes(self) -> FloatArray:
-        """Vectors to begin the search for the softest modes with where nothing is known, ``(3, 3 n_blocks)``."""
+        """Vectors to begin the search for the softest modes with, ``(3, 3 n_blocks)``."""
         return np.random.default_rng(0).standard_normal((N_VECTORS, 3 * self.pattern.n_blocks))
 
     def _share(self, kernel: Kernel, compiled: Any, runs: Runs, n_runs: int) -> None:  # noqa: ANN401 - a Dispatcher

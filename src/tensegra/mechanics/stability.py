@@ -29,6 +29,9 @@ RANK_TOLERANCE = 1e-7
 LARGEST_LISTED = 64
 """At most this many mechanisms are looked for in a large structure."""
 
+AT_REST = 1e-9
+"""Share of its rest length by which a cable may be shorter and still be told as just taut."""
+
 LARGEST_SVD = 4000
 """Degrees of freedom above which the dense decomposition of the equilibrium matrix is refused."""
 
@@ -172,18 +175,78 @@ def free_mechanisms(
     """
     tangent = Tangent(arrays, motions=motions, nodes=nodes)
     tangent.measure(nodes, load)
+    modes = _free_modes(tangent)
+    return most_moved_of_each(arrays.node_ids, np.linalg.norm(modes, axis=2))
+
+
+def _free_modes(tangent: Tangent) -> FloatArray:
+    """Return the modes of K without stiffness, where a tangent was last measured, ``(n, n_nodes, 3)``."""
     spectrum = tangent.spectrum(LARGEST_LISTED)
-    zero = np.abs(spectrum.values) <= SINGULAR * tangent.stiffness_scale
-    return most_moved_of_each(arrays.node_ids, np.linalg.norm(spectrum.vectors[zero], axis=2))
+    return spectrum.vectors[np.abs(spectrum.values) <= SINGULAR * tangent.stiffness_scale]
 
 
-def with_mechanisms(result: Equilibrium, free: tuple[tuple[str, ...], ...]) -> Equilibrium:
-    """Return an equilibrium where K is singular with its free mechanisms, named in its reason too."""
-    if not free:
+def is_rigid_to_second_order(
+    arrays: StructureArrays, nodes: FloatArray, load: Load, modes: FloatArray
+) -> bool:
+    """Tell whether members without prestress resist some mechanisms, if only with the square of the motion.
+
+    It is so where a state of self-stress, none negative in a cable, would stiffen every one of them: then no
+    second motion makes up for what the first one stretches (Connelly & Whiteley 1996,
+    doi:10.1137/S0895480192229236). A cable that is longer than its way resists nothing.
+
+    Parameters
+    ----------
+    arrays, nodes, load
+        The structure, its positions about its own origin, ``(n_nodes, 3)``, and what acts there.
+    modes
+        The mechanisms, ``(n, n_nodes, 3)``.
+    """
+    from scipy.optimize import linprog
+
+    along, lengths = segment_spans(arrays, nodes)
+    length = np.add.reduceat(lengths, arrays.segment_start[:-1])
+    resists = ~arrays.is_cable | (length >= load.rest_length * (1.0 - AT_REST))
+    if not resists.any():
+        return False
+    matrix = equilibrium_matrix(arrays, nodes)[:, resists]
+    unit = along / lengths[:, None]
+    first, second = arrays.segment_nodes.T
+    apart = modes[:, second] - modes[:, first]
+    apart = apart - np.einsum("nsi,si->ns", apart, unit)[..., None] * unit
+    bulge = np.einsum("msi,nsi,s->mns", apart, apart, 1.0 / lengths)
+    second_order = np.add.reduceat(bulge, arrays.segment_start[:-1], axis=2)[..., resists]
+    bounds = [(0.0 if cable else -1.0, 1.0) for cable in arrays.is_cable[resists]]
+    trace = np.einsum("nne->e", second_order)
+    found = linprog(-trace, A_eq=matrix, b_eq=np.zeros(len(matrix)), bounds=bounds)
+    if found.x is None:
+        return False
+    stiffness = np.linalg.eigvalsh(second_order @ found.x)
+    return bool(stiffness[0] > RANK_TOLERANCE * max(float(np.abs(second_order).max()), 0.0) > 0.0)
+
+
+def with_mechanisms(result: Equilibrium, motions: RigidMotions, nodes: FloatArray, load: Load) -> Equilibrium:
+    """Return an equilibrium where K is singular with its free mechanisms, named in its reason too.
+
+    Parameters
+    ----------
+    result
+        The equilibrium.
+    motions, nodes, load
+        As in `free_mechanisms`.
+    """
+    tangent = Tangent(result.arrays, motions=motions, nodes=nodes)
+    tangent.measure(nodes, load)
+    modes = _free_modes(tangent)
+    if not len(modes):
         return result
+    free = most_moved_of_each(result.arrays.node_ids, np.linalg.norm(modes, axis=2))
     names = sorted({node for moved in free for node in moved}, key=result.arrays.node_ids.index)
     what = f"{len(free)} free mechanisms, which move" if len(free) > 1 else "a free mechanism, which moves"
     reason = f"{result.reason}; {what} nodes {', '.join(names)}"
+    if is_rigid_to_second_order(result.arrays, nodes, load, modes):
+        reason += (
+            "; rigid to second order: without prestress members resist with the square of the motion alone"
+        )
     return replace(result, mechanisms=free, reason=reason)
 
 

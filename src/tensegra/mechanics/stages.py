@@ -9,9 +9,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tensegra.mechanics.arrays import FloatArray, IndexArray, StructureArrays
+from tensegra.mechanics.arrays import FloatArray, IndexArray, StructureArrays, structure_arrays
 from tensegra.mechanics.derivatives import Direction
 from tensegra.mechanics.descend import ZERO_EIGENVALUE
+from tensegra.mechanics.ends import StageEnd
 from tensegra.mechanics.follow import UNSTABLE_START
 from tensegra.mechanics.inputs import StageInputs
 from tensegra.mechanics.pattern import Pattern, build_pattern
@@ -19,10 +20,13 @@ from tensegra.mechanics.reactions import internal_forces
 from tensegra.mechanics.rigid import Freedom, RigidMotions, align, freedom_under, in_frame, rigid_motions
 from tensegra.mechanics.settings import PathSettings
 from tensegra.mechanics.solver import Solver
-from tensegra.mechanics.supervise import FLAT_TENSION, StageEnd, Supervisor
+from tensegra.mechanics.supervise import FLAT_TENSION, Supervisor
+from tensegra.structure import Structure
 
 NEAR_EQUILIBRIUM = 1e-2
 """A start within this share of the structure's size of an equilibrium is taken to mean it."""
+
+_KEPT = "_flat_for_mechanics"  # where a structure keeps its `_Flat`, beside its cached properties
 
 UNLOADED_AT = 1.0 - 1e-6
 """λ from which on a motion that loads turn is held at the end of a stage that takes these loads away."""
@@ -71,9 +75,27 @@ class Ground:
         return freedom_under(self.plain_arrays, self.motions, loads)
 
 
-def ground_of(arrays: StructureArrays, settings: PathSettings, threads: int = 1) -> Ground:
-    """Find what all histories of a structure share."""
-    return Ground(arrays, settings, rigid_motions(arrays), build_pattern(arrays), arrays, threads)
+@dataclass(frozen=True, eq=False)
+class _Flat:
+    """What the geometry of a structure alone decides."""
+
+    arrays: StructureArrays
+    motions: RigidMotions
+    pattern: Pattern
+
+
+def ground_of(structure: Structure, settings: PathSettings, threads: int = 1) -> Ground:
+    """Find what all histories of a structure share.
+
+    A structure does not change, so what was found of it is kept as long as it lives: to be asked again is
+    the rule where one structure is solved for one actuation after the other.
+    """
+    kept = vars(structure)
+    if _KEPT not in kept:
+        arrays = structure_arrays(structure)
+        kept[_KEPT] = _Flat(arrays, rigid_motions(arrays), build_pattern(arrays))
+    flat: _Flat = kept[_KEPT]
+    return Ground(flat.arrays, settings, flat.motions, flat.pattern, flat.arrays, threads)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +138,15 @@ class Leg:
         """Return who takes the runs through the leg, or through a part of it."""
         chosen = self.stage if stage is None else stage
         return Supervisor(
-            solver, self.name, chosen, self.stiffness, self.start, self.reference, self.n_runs, recorded=self.recorded
-        )  # fmt: skip
+            solver,
+            self.name,
+            chosen,
+            self.stiffness,
+            self.start,
+            self.reference,
+            self.n_runs,
+            recorded=self.recorded,
+        )
 
 
 def follow_leg(ground: Ground, leg: Leg) -> StageEnd:

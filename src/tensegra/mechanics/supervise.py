@@ -8,15 +8,15 @@ where it stands, under the inputs that act there, and its status is made of that
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
-from tensegra.errors import SolverError
 from tensegra.mechanics import descend, follow, stepped
 from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray
 from tensegra.mechanics.certify import PROVED
 from tensegra.mechanics.derivatives import Direction
+from tensegra.mechanics.ends import StageEnd
 from tensegra.mechanics.inputs import Load, StageInputs
 from tensegra.mechanics.law import plain
 from tensegra.mechanics.reactions import internal_forces
@@ -35,7 +35,7 @@ SAME_POINT = 1e-5
 """Increment within which two ends of a branch are one, the first of which was told too early."""
 
 NO_LEAP = 1e-8
-"""A fall that moves no node by this share of the size beside what the branch moves is none: the branch goes on."""
+"""A fall that moves no node by this share of the size beside what the branch moves is none: it goes on."""
 
 STILL_STIFF = 0.02
 """Share of the first lowest eigenvalue that a smooth loss of stability is far below when located."""
@@ -69,79 +69,6 @@ MOST_SADDLES = 40
 
 MOST_EVENTS = 2000
 """Times that one run of a stage is taken up again before it is given up."""
-
-
-@dataclass(eq=False)
-class StageEnd:
-    """Where the runs of a stage ended, and what is known of them there; the first axis is the run.
-
-    Attributes
-    ----------
-    name
-        Of the stage.
-    nodes, tensions, parameter
-        Positions ``(n_runs, n_nodes, 3)``, tensions ``(n_runs, n_members)`` and λ.
-    status, reason
-        What they are called, and why.
-    residual, lowest_eigenvalue, n_negative, strain_energy
-        The certificate.
-    steps, iterations
-        Counts within the stage.
-    critical_points
-        Of each run, in order.
-    slack_events, history
-        Of a single run; empty for many.
-    nodes_by, tensions_by
-        Derivatives by the directions asked for, ``(n_runs, n_directions, …)``.
-    free_motions
-        Names of the rigid motions that nothing holds at the end.
-    last_load
-        What acts on a single run at its end.
-    """
-
-    name: str
-    nodes: FloatArray
-    tensions: FloatArray
-    parameter: FloatArray
-    status: np.ndarray
-    reason: np.ndarray
-    residual: FloatArray
-    lowest_eigenvalue: FloatArray
-    n_negative: IndexArray
-    strain_energy: FloatArray
-    steps: IndexArray
-    iterations: IndexArray
-    nodes_by: FloatArray
-    tensions_by: FloatArray
-    critical_points: list[list[CriticalPoint]]
-    slack_events: list[SlackEvent] = field(default_factory=list)
-    history: list[PathPoint] = field(default_factory=list)
-    free_motions: tuple[str, ...] = ()
-    last_load: Load | None = None
-
-    @property
-    def load(self) -> Load:
-        """What acts on a single run at its end."""
-        if self.last_load is None:
-            raise SolverError("the end of many runs has no load of its own")
-        return self.last_load
-
-    def give_up(self, run: int, reason: str) -> None:
-        """Report no number of a run."""
-        self.status[run], self.reason[run], self.critical_points[run] = Status.FAILED, reason, []
-        for column in (self.nodes, self.tensions, self.nodes_by, self.tensions_by):
-            column[run] = np.nan
-        for column in (self.residual, self.lowest_eigenvalue, self.strain_energy):
-            column[run] = np.nan
-        self.n_negative[run] = self.steps[run] = self.iterations[run] = 0
-
-    def of_all(self, n_runs: int) -> "StageEnd":
-        """Return the end of one run as the start of many: its name, its status and how far it came."""
-        if len(self.status) == n_runs:
-            return self
-        return replace(
-            self, status=np.repeat(self.status, n_runs), parameter=np.repeat(self.parameter, n_runs)
-        )
 
 
 class Supervisor:
@@ -317,16 +244,30 @@ class Supervisor:
         if not len(runs):
             return runs
         kind = dict(zip(runs.tolist(), kinds, strict=True))
-        before = self.outcome.nodes[runs].copy()
+        before, start = self.outcome.nodes[runs].copy(), self.outcome.parameter[runs]
         taut = self._taut(int(runs[0]), before[0]) if self._record is not None else None
+        fallen = self._fall_beyond(runs, kind)
+        goes_on = np.zeros(len(runs), dtype=np.bool_)
+        for row, run in enumerate(runs.tolist()):
+            ahead = float(fallen.parameter[row] - start[row])
+            goes_on[row] = self._land(run, kind[run], before[row], fallen, row, ahead)
+            self.outcome.nodes[run], self.outcome.parameter[run] = fallen.nodes[row], fallen.parameter[row]
+        if taut is not None:
+            run, parameter = int(runs[0]), float(fallen.parameter[0])
+            self._note_events(taut, self._taut(run, fallen.nodes[0]), parameter)
+            if not goes_on[0]:
+                self._note_point(run, parameter, int(fallen.iterations[0]))
+        return runs[goes_on]
+
+    def _fall_beyond(self, runs: IndexArray, kind: dict[int, str]) -> Outcome:
+        """Let runs fall beyond the ends of their branches, as far on as they have to; name collapses."""
+        before, start = self.outcome.nodes[runs].copy(), self.outcome.parameter[runs]
         ahead = np.full(len(runs), 2.0 * self.settings.smallest_step)
-        start = self.outcome.parameter[runs]
         for row, run in enumerate(runs.tolist()):
             # Where nothing holds the start there is nothing to fall from: let the inputs take hold first.
             if kind[run] == "unstable start" and self._is_neutral(run):
                 ahead[row] = FREE_START
-        parameter = np.minimum(1.0, start + ahead)
-        fallen = self._fall(runs, before, parameter)
+        fallen = self._fall(runs, before, np.minimum(1.0, start + ahead))
         while True:
             # Just beyond a critical point K is not told from a singular one: fall farther on.
             open_end = np.isin(fallen.end, (descend.NEUTRAL, descend.LOST))
@@ -334,45 +275,34 @@ class Supervisor:
             if not len(again):
                 break
             ahead[again] *= 10.0
-            parameter[again] = np.minimum(1.0, start[again] + ahead[again])
-            fallen.put(again, self._fall(runs[again], before[again], parameter[again]))
+            fallen.put(again, self._fall(runs[again], before[again], np.minimum(1.0, start + ahead)[again]))
         gone = np.flatnonzero(np.isin(fallen.end, (descend.FLAT, descend.NEUTRAL)))
         if len(gone):
             # Nothing holds the structure here. What follows may tighten it again.
-            parameter[gone] = 1.0
-            for run in runs[gone].tolist():
-                kind[run] = "collapse"
-            fallen.put(gone, self._fall(runs[gone], fallen.nodes[gone], parameter[gone]))
-        goes_on = np.zeros(len(runs), dtype=np.bool_)
-        for row, run in enumerate(runs.tolist()):
-            after = align(fallen.nodes[row].reshape(-1, 3), before[row].reshape(-1, 3), self._motions)
+            kind.update(dict.fromkeys(runs[gone].tolist(), "collapse"))
+            fallen.put(gone, self._fall(runs[gone], fallen.nodes[gone], np.ones(len(gone))))
+        return fallen
+
+    def _land(self, run: int, kind: str, before: FloatArray, fallen: Outcome, row: int, ahead: float) -> bool:
+        """Tell the fall of a run; return whether its path goes on from where it has landed."""
+        start = before.reshape(-1, 3)
+        after = align(fallen.nodes[row].reshape(-1, 3), start, self._motions)
+        if fallen.end[row] == descend.STANDS:
             # What the branch itself would have moved by is no part of a leap.
-            along = (parameter[row] - start[row]) * self.outcome.velocity[run].reshape(-1, 3)
-            apart = np.linalg.norm(after - before[row].reshape(-1, 3) - along, axis=1)
-            snap = (
-                float(apart.max(initial=0.0))
-                if kind[run] != "unstable start"
-                else _farthest(after, before[row])
-            )
-            if fallen.end[row] == descend.STANDS:
-                if snap > NO_LEAP * self.arrays.size or kind[run] == "bifurcation":
-                    self._note_critical(run, kind[run], after, snap)
-                if snap > SNAP * self.arrays.size:
-                    self.status[run] = Status.SNAPPED
-                goes_on[row] = True
-            else:
-                self._note_critical(run, kind[run])
-                where = self.critical_points[run][-1]
-                if fallen.end[row] in (descend.FLAT, descend.NEUTRAL):
-                    self._set(run, Status.COLLAPSED, f"prestress lost: {where}")
-                else:
-                    self._fail(run, f"the fall beyond {where} found no equilibrium")
-            self.outcome.nodes[run], self.outcome.parameter[run] = fallen.nodes[row], parameter[row]
-        if taut is not None:
-            self._note_events(taut, self._taut(int(runs[0]), fallen.nodes[0]), float(parameter[0]))
-            if not goes_on[0]:
-                self._note_point(int(runs[0]), float(parameter[0]), int(fallen.iterations[0]))
-        return runs[goes_on]
+            along = ahead * self.outcome.velocity[run].reshape(-1, 3) if kind != "unstable start" else 0.0
+            snap = float(np.linalg.norm(after - start - along, axis=1).max(initial=0.0))
+            if snap > NO_LEAP * self.arrays.size or kind == "bifurcation":
+                self._note_critical(run, kind, after, snap)
+            if snap > SNAP * self.arrays.size:
+                self.status[run] = Status.SNAPPED
+            return True
+        self._note_critical(run, kind)
+        where = self.critical_points[run][-1]
+        if fallen.end[row] in (descend.FLAT, descend.NEUTRAL):
+            self._set(run, Status.COLLAPSED, f"prestress lost: {where}")
+        else:
+            self._fail(run, f"the fall beyond {where} found no equilibrium")
+        return False
 
     def _is_neutral(self, run: int) -> bool:
         """Whether K is singular, but not negative, where a run stands."""
@@ -458,6 +388,10 @@ class Supervisor:
         if not self.history and self._record is not None and not failed[0]:
             self._note_point(0, float(outcome.parameter[0]), int(outcome.iterations[0]))
         nodes = outcome.nodes.reshape(self.n_runs, self.arrays.n_nodes, 3)
+        if self.history and self.history[-1].parameter == outcome.parameter[0]:
+            # What the last point was told by prediction is measured now.
+            last = replace(self.history[-1], nodes=nodes[0].copy(), tensions=outcome.tensions[0].copy())
+            self.history[-1] = last
         nothing_at = np.where(failed, np.nan, 0.0)
         stands = (self._is(Status.STABLE) | self._is(Status.SNAPPED))[:, None, None]
         return StageEnd(
@@ -601,8 +535,3 @@ class Supervisor:
             member = self.arrays.member_ids[int(record.event_member[i])]
             self.slack_events.append(SlackEvent(self.name, float(record.event_parameter[i]), member, becomes))
         record.counts[:] = 0
-
-
-def _farthest(after: FloatArray, before: FloatArray) -> float:
-    """Return the largest distance of a node between two positions."""
-    return float(np.linalg.norm(after - before.reshape(after.shape), axis=1).max(initial=0.0))

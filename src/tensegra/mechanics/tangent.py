@@ -123,7 +123,7 @@ class Tangent:
     def measure(
         self, nodes: FloatArray, load: Load, stress: FloatArray | None = None
     ) -> tuple[FloatArray, float]:
-        """Measure all members at some positions; return f − p over the free coordinates and its relative size.
+        """Measure all members at some positions; return f − p at the free coordinates, and its relative size.
 
         Parameters
         ----------
@@ -132,8 +132,8 @@ class Tangent:
         load
             What acts there.
         stress
-            Tensions that are unknowns of their own, ``(n_members,)``: they say which cables carry force, and K
-            is built with them. Those of the lengths where left out.
+            Tensions that are unknowns of their own, ``(n_members,)``: they say which cables carry force, and
+            K is built with them. Those of the lengths where left out.
         """
         lanes = self.lanes
         self.nodes, self._load = nodes, load

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tensegra.mechanics.arrays import FloatArray
+from tensegra.mechanics.ends import StageEnd
 from tensegra.mechanics.inputs import Load, StageInputs
 from tensegra.mechanics.law import plain
 from tensegra.mechanics.stages import Ground, Leg
 from tensegra.mechanics.status import CriticalPoint, PathPoint, Status, most_moved
-from tensegra.mechanics.supervise import StageEnd
 from tensegra.mechanics.tangent import Tangent, lowest_of
 
 LARGEST_ARC = 0.03

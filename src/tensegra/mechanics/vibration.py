@@ -98,8 +98,11 @@ def natural_frequencies(
         raise SolverError("natural frequencies need a member with a weight at a movable node")
     following = _following(stiffness, heavy)
     reduced = stiffness[np.ix_(heavy, heavy)] + stiffness[np.ix_(heavy, ~heavy)] @ following
-    n_modes = min(n_modes, len(reduced))
-    squares, vectors = eigh(reduced, masses[np.ix_(heavy, heavy)], subset_by_index=(0, n_modes - 1))
+    # Along the rigid motions that nothing holds there is no vibration: they come first, with no frequency.
+    n_free = len(path.freedom.neutral)
+    n_modes = min(n_modes, len(reduced) - n_free)
+    wanted = n_free, n_free + n_modes - 1
+    squares, vectors = eigh(reduced, masses[np.ix_(heavy, heavy)], subset_by_index=wanted)
     shapes = np.zeros((n_modes, arrays.n_nodes, 3))
     shapes[:, node[heavy], axis[heavy]] = vectors.T
     shapes[:, node[~heavy], axis[~heavy]] = (following @ vectors).T

@@ -26,11 +26,10 @@ from tensegra.report.soundness import require_sound
 from tensegra.structure import Structure
 from tensegra.study import Study
 
+HELD_BY_NOTHING = "Neither supports nor loads hold the body as a whole"
+"""Said of rigid motions that stay free: a normal case, and also what a forgotten support leaves."""
+
 __all__ = ["StructureCheck", "StudyCheck", "check_structure", "check_study"]
-
-
-NO_SUPPORT = "No support holds it: the body as a whole is free to move and to turn in six ways"
-"""Said of a body free in space, which is a normal case and also the first thing that is forgotten."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +76,8 @@ class StructureCheck:
     def slips(self) -> list[str]:
         """Numbers that are likely a slip of units, in sentences."""
         slips = likely_slips(self.structure, self.path.final)
-        return slips if self.structure.supports else [*slips, NO_SUPPORT]
+        free = self.path.final.rigid_motions
+        return [*slips, f"{HELD_BY_NOTHING}: {', '.join(free)}"] if free else slips
 
     @property
     def stands(self) -> bool:

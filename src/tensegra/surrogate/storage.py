@@ -1,7 +1,7 @@
 """Saving and loading: one file, without pickle, so that reading one never runs anything.
 
-The header holds format, kind, names, units, joint law, seed, options, validation and the study's hash; beside it
-stand the arrays. See `tensegra.surrogate.archive` for the file itself.
+The header holds format, kind, names, units, joint law, seed, options, validation and the study's hash; beside
+it stand the arrays. See `tensegra.surrogate.archive` for the file itself.
 """
 
 import json

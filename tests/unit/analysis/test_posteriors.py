@@ -40,7 +40,7 @@ LAWS = [
 ]
 
 
-@pytest.mark.parametrize("law", LAWS, ids=str)
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: getattr(getattr(law, "dist", None), "name", str(law)))
 def test_the_normal_space_of_a_prior_has_both_of_its_tails(law):
     model = FunctionModel(lambda X: X[:, 0], ("a",), ("y",))
     law = as_distribution(law) if isinstance(law, dict) else law

@@ -212,8 +212,8 @@ def test_spectrum_equals_numpy(case):
 
 @pytest.mark.parametrize("share", [1e-4, 1e-6, 1e-8, 1e-10])
 def test_inertia_of_what_is_nearly_singular(share):
-    # Six eigenvalues are zero within 1e-15 of the largest: an explicit inverse of a pivot block that is nearly
-    # singular would leave its rounding times its condition.
+    # Six eigenvalues are zero within 1e-15 of the largest: an explicit inverse of a pivot block that is
+    # nearly singular would leave its rounding times its condition.
     prism = library.prism().replace(supports={})
     arrays = structure_arrays(prism)
     tangent = measured(arrays, solve_path(library.prism()).final.nodes)

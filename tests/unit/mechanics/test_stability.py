@@ -8,7 +8,7 @@ from tensegra.mechanics.stability import (
     prestress_stiffness,
     self_stress,
 )
-from tensegra.structure import Structure, library
+from tensegra.structure import Member, Structure, library
 
 
 @pytest.mark.parametrize("n_struts", [3, 4, 5, 6])
@@ -75,3 +75,39 @@ def lengths(structure: Structure, nodes):
             for member in structure.members.values()
         ]
     )
+
+
+def linkage(nodes, members, supports):
+    """Return struts of their nodes' distances, which carry nothing."""
+    return Structure(
+        name="linkage",
+        nodes=nodes,
+        members={
+            name: Member(
+                "strut", ends, float(np.linalg.norm(np.subtract(*(nodes[e] for e in ends)))), stiffness=1e4
+            )
+            for name, ends in members.items()
+        },
+        supports=supports,
+    )
+
+
+def test_what_is_rigid_to_second_order_is_told_from_what_is_not():
+    line = {"a": (-1.0, 0.0, 0.0), "b": (0.0, 0.0, 0.0), "c": (1.0, 0.0, 0.0)}
+    held = {"a": "xyz", "c": "xyz"}
+    for supports in ({**held, "b": "z"}, held):  # one mechanism, and two
+        path = solve_path(linkage(line, {"l": ("a", "b"), "r": ("b", "c")}, supports))
+        assert path.status == "collapsed"
+        assert "rigid to second order" in path.reason
+    # A parallelogram goes all the way round.
+    square = {"a": (0.0, 0.0, 0.0), "b": (0.0, 1.0, 0.0), "c": (1.0, 1.0, 0.0), "d": (1.0, 0.0, 0.0)}
+    bars = {"l": ("a", "b"), "m": ("b", "c"), "r": ("c", "d")}
+    free = solve_path(linkage(square, bars, {"a": "xyz", "b": "z", "c": "z", "d": "xyz"}))
+    assert free.status == "collapsed"
+    assert "second order" not in free.reason
+    # A cable longer than its way resists nothing.
+    cables = linkage(line, {"l": ("a", "b"), "r": ("b", "c")}, {**held, "b": "z"})
+    loose = cables.replace(
+        members={n: Member("cable", m.nodes, 1.1, stiffness=1e4) for n, m in cables.members.items()}
+    )
+    assert "second order" not in solve_path(loose).reason

@@ -84,7 +84,10 @@ SLIPS = {
     "an area in square metres": ({"member": {"area": 2e-10}}, "a millionth as thick as long"),
     "a load in newtons": ({"stages": [{"loads": {2: [0, 0, -20_000]}}]}, "strained beyond 5 %"),
     "a strength in meganewtons": ({"member": {"strength": 0.04}}, "loaded beyond strength or buckling load"),
-    "no support": ({"supports": {}, "stages": [], "gravity": [0, 0, 0]}, "No support holds it"),
+    "no support": (
+        {"supports": {}, "stages": [], "gravity": [0, 0, 0]},
+        "Neither supports nor loads hold the body",
+    ),
 }
 
 

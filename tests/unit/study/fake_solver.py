@@ -9,7 +9,6 @@ import time
 import numpy as np
 
 from tensegra.mechanics import Batch
-from tensegra.mechanics.arrays import structure_arrays
 from tensegra.mechanics.inputs import Actuation
 from tensegra.mechanics.settings import PathSettings
 from tensegra.mechanics.stages import ground_of
@@ -48,7 +47,7 @@ def solve(structure, **inputs):
         tensions_by=np.zeros((n, 0, structure.n_members)),
         inputs=Actuation({}, {}, {}, {}),
         variants=Variants({}, {}, {}),
-        ground=ground_of(structure_arrays(structure), PathSettings()),
+        ground=ground_of(structure, PathSettings()),
     )
 
 
