@@ -121,7 +121,8 @@ class Record(NamedTuple):
 class Course(NamedTuple):
     """What each lane of a pack is at, ``(n_lanes,)`` each.
 
-    `run`, `mode` and `action`, whether K was `definite` at the last tick; `corrections` of the point, `turns`
+    `run`, `mode` and `action`, whether K was `definite` at the last tick, and an event
+    was `sought` that only the prediction told of; `corrections` of the point, `turns`
     of the edges at the base, the `member` of an event; λ of `base` and `target`, the next `step`; `speed` of
     the base, the `last_move` and the `first_move` of the corrector; `taken`, the step that led to the base.
     """
@@ -130,6 +131,7 @@ class Course(NamedTuple):
     mode: IndexArray
     action: IndexArray
     definite: BoolArray
+    sought: BoolArray
     corrections: IndexArray
     turns: IndexArray
     member: IndexArray
@@ -156,7 +158,7 @@ def follow_runs(topology, runs, control, outcome, record, lanes, first, last):
     n = n_lanes(lanes)
     smallest_scale = LENGTH_ROUNDING / control.tolerance
     course = Course(
-        np.full(n, -1), np.full(n, _START), np.full(n, _IDLE), np.zeros(n, np.bool_),
+        np.full(n, -1), np.full(n, _START), np.full(n, _IDLE), np.zeros(n, np.bool_), np.zeros(n, np.bool_),
         np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64),
         np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
     )  # fmt: skip
@@ -324,6 +326,7 @@ def _go_on(topology, control, outcome, record, lanes, course, lane):
         if action == _COMMIT or mode == _START:
             _note(topology, record, lanes, lane, course.corrections[lane], past_event)
         course.base[lane], course.speed[lane] = there, get(lanes.measure_of, 8, lane)
+        course.sought[lane] = False
         if mode != _REBASE:
             course.turns[lane] = 0
         end = 0
@@ -349,7 +352,10 @@ def _go_on(topology, control, outcome, record, lanes, course, lane):
         return 0
     else:
         # Also a cut: what is beyond an event may not be reached at all; the event itself is.
-        if mode != _EVENT and _seek_event(topology, lanes, course, lane, action == _CUT):
+        foreseen = action == _CUT
+        once = not foreseen or not course.sought[lane]
+        if mode != _EVENT and once and _seek_event(topology, lanes, course, lane, foreseen):
+            course.sought[lane] = foreseen
             return 0
         course.step[lane] = CUT_TO * min(course.step[lane], course.target[lane] - course.base[lane])
         if course.step[lane] < control.smallest_step:
@@ -394,6 +400,9 @@ def _set_out(topology, control, lanes, course, lane):
     taken = left / np.ceil(left / course.step[lane] - 1e-9)
     course.target[lane] = 1.0 if taken >= left else course.base[lane] + taken
     course.mode[lane], course.corrections[lane], course.last_move[lane] = _STEP, 0, np.inf
+    if not course.sought[lane] and _seek_event(topology, lanes, course, lane, foreseen=True):
+        course.sought[lane] = True
+        return
     predict(topology, lanes, lane, course.base[lane], course.target[lane])
 
 

@@ -274,7 +274,9 @@ class Supervisor:
             again = np.flatnonzero(open_end & (ahead < FARTHEST_FALL))
             if not len(again):
                 break
-            ahead[again] *= 10.0
+            # Without prestress there is none to be had in between.
+            gone = np.array([kind[run] == "collapse" for run in runs[again].tolist()])
+            ahead[again] = np.where(gone, FARTHEST_FALL, 10.0 * ahead[again])
             fallen.put(again, self._fall(runs[again], before[again], np.minimum(1.0, start + ahead)[again]))
         gone = np.flatnonzero(np.isin(fallen.end, (descend.FLAT, descend.NEUTRAL)))
         if len(gone):
