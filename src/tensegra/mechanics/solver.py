@@ -157,6 +157,18 @@ class Solver:
 
         self._share(kernel, follow_runs, runs, len(outcome.end))
 
+    def stand(self, runs: Runs, outcome: Outcome) -> None:
+        """Bring runs into balance where they are, at their λ, by Newton's method in positions and tensions.
+
+        `Outcome.end` is `OUT_OF_STEPS` for a run that stands then, since it is given no step to go on.
+        """
+        here = self.control._replace(max_steps=0)
+
+        def kernel(lanes: Lanes, first: int, last: int) -> None:
+            follow_runs(self.topology, runs, here, outcome, self.nothing_recorded, lanes, first, last)
+
+        self._share(kernel, follow_runs, runs, len(outcome.end))
+
     def fall(self, runs: Runs, which: IndexArray, outcome: Outcome, flat_below: FloatArray) -> None:
         """Let some of the runs fall from where the rows of the outcome, one a fall, say that they are."""
         # Only who falls pays for compiling it.

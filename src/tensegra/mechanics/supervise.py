@@ -64,6 +64,10 @@ NEARLY_NEUTRAL = 1e-9
 PINNED = 1e4
 """Residuals that a coordinate held for a rigid motion may carry: the others' come to it by long levers."""
 
+NEARLY_BALANCED, NEAR_BALANCE = 1e-5, 1e-2
+"""Residual from which on a fall that creeps is brought into balance by Newton's method, and how far from
+there, as a share of the size, the equilibrium may lie."""
+
 MOST_SADDLES = 40
 """Saddles that one fall is pushed off before it is given up."""
 
@@ -330,8 +334,22 @@ class Supervisor:
             self.solver.fall(self.runs, runs[stuck], again, flat_below[stuck])
             fallen.put(stuck, again)
         fallen.end[fallen.end == descend.SADDLE] = descend.LOST
+        self._polish(runs, fallen)
         self.outcome.iterations[runs] += fallen.iterations
         return fallen
+
+    def _polish(self, runs: IndexArray, fallen: Outcome) -> None:
+        """Bring falls into balance that have come near to it, and creep along too soft a valley."""
+        creeping = np.flatnonzero((fallen.end == descend.LOST) & (fallen.residual <= NEARLY_BALANCED))
+        creeping = creeping[fallen.parameter[creeping] < 1.0]
+        if not len(creeping):
+            return
+        part = fallen.take(creeping)
+        self.solver.stand(self.runs.take(runs[creeping]), part)
+        away = np.abs(part.nodes - fallen.nodes[creeping]).max(axis=1, initial=0.0)
+        stands = (part.end == follow.OUT_OF_STEPS) & (away <= NEAR_BALANCE * self.arrays.size)
+        part.end[:] = np.where(stands, descend.STANDS, descend.LOST)
+        fallen.put(creeping[stands], part.take(np.flatnonzero(stands)))
 
     def _off_saddle(self, run: int, nodes: FloatArray, parameter: float) -> FloatArray | None:
         """Return a small move along the lowest mode, to the side that a fixed vector without symmetry says.
@@ -365,6 +383,7 @@ class Supervisor:
         if modes is not None and len(modes) >= N_VECTORS:
             rows = np.where((block_node >= 0)[:, None], modes[:N_VECTORS, block_node], 0.0)
             begin = rows.reshape(N_VECTORS, -1)
+        self._hold_anew(np.flatnonzero(self._carried_by_pins()))
         small = solver.pattern.n_blocks <= solver.largest_iterated
         certificate, by = solver.certify(self.runs, outcome, begin if small else None, directions)
         failed = self._is(Status.FAILED)
@@ -416,6 +435,21 @@ class Supervisor:
             history=self.history,
             last_load=self.load(0, float(outcome.parameter[0])) if self.n_runs == 1 else None,
         )
+
+    def _hold_anew(self, runs: IndexArray) -> None:
+        """Bring bodies into balance whose shape has outgrown what is held for their rigid motions."""
+        for run in map(int, runs):
+            alone = self.stage.of_run(run)
+            stiffness = self.runs.stiffness[run if len(self.runs.stiffness) > 1 else 0]
+            nodes = self.outcome.nodes[run].reshape(1, -1, 3)
+            solver = Solver(self.solver.given, self.settings, 1, self._motions, nodes[0])
+            # What is held stays where it is, not where the stage's supports would take it from its start.
+            here = replace(alone, positions_start=nodes[0], positions_end=nodes[0])
+            there = solver.outcome(nodes, 1, float(self.outcome.parameter[run]))
+            solver.stand(solver.runs(here, stiffness, nodes, 1), there)
+            near = np.abs(there.nodes - nodes.reshape(1, -1)).max() <= NEAR_BALANCE * self.arrays.size
+            if near and there.end[0] in (follow.ARRIVED, follow.OUT_OF_STEPS):
+                self.outcome.nodes[run], self.outcome.tensions[run] = there.nodes[0], there.tensions[0]
 
     def _carried_by_pins(self) -> BoolArray:
         """Which runs lean on the coordinates that are held for neutral motions: they are in no equilibrium.
