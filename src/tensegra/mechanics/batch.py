@@ -256,7 +256,7 @@ def solve_batch(
     variants.check(structure)
     parameters = tuple(_parameter(structure, asked) for asked in derivatives)
     base = prepare(structure, settings=settings)
-    ground = replace(base.ground, threads=threads)
+    ground = base.ground.on_threads(threads)
     base, modes = replace(base, ground=ground), softest_modes(base)
     blocks = [
         solve_block(structure, part(inputs, runs), variants.part(runs), parameters, base, modes)

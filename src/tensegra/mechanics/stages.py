@@ -70,6 +70,10 @@ class Ground:
             return self._solvers[b""]
         return Solver(self.plain_arrays, self.settings, self.threads, freedom.neutral, nodes)
 
+    def on_threads(self, threads: int) -> "Ground":
+        """Return the same with solvers of its own on so many threads."""
+        return replace(self, threads=threads, _solvers={})
+
     def freedom(self, loads: FloatArray) -> Freedom:
         """Return what loads ``(…, n_nodes, 3)`` make of the rigid motions."""
         return freedom_under(self.plain_arrays, self.motions, loads)

@@ -450,6 +450,10 @@ class Supervisor:
             near = np.abs(there.nodes - nodes.reshape(1, -1)).max() <= NEAR_BALANCE * self.arrays.size
             if near and there.end[0] in (follow.ARRIVED, follow.OUT_OF_STEPS):
                 self.outcome.nodes[run], self.outcome.tensions[run] = there.nodes[0], there.tensions[0]
+                held = (self.solver.given.free & ~self.arrays.free).ravel()
+                start = np.array(np.broadcast_to(self.runs.start, self.outcome.nodes.shape), order="C")
+                start[run, held] = there.nodes[0, held]
+                self.runs = self.runs._replace(start=start)
 
     def _carried_by_pins(self) -> BoolArray:
         """Which runs lean on the coordinates that are held for neutral motions: they are in no equilibrium.

@@ -5,6 +5,7 @@ import pytest
 
 from tensegra.errors import ModelError
 from tensegra.mechanics import PathSettings, solve_batch, solve_path
+from tensegra.mechanics import solver as solver_module
 from tensegra.structure import Member, Structure, apply_changes, library, parse_structure
 
 SAME = 1e-9
@@ -307,3 +308,22 @@ def test_temperatures_of_a_run_add_up_by_every_path(path):
     tension = 1000.0 * (2.0 / rest.sum() - 1.0)
     np.testing.assert_allclose(alone.tensions, tension, rtol=SAME)
     np.testing.assert_allclose(many.tensions, tension, rtol=SAME)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_the_threads_that_are_asked_for_are_those_that_work(beam, monkeypatch, threads):
+    ranges = []
+    share = solver_module.Workspace
+
+    def counted(*arguments, **options):
+        ranges.append(arguments)
+        return share(*arguments, **options)
+
+    solve_batch(beam, actuation={"A14": np.linspace(0.0, 0.05, 96)}, threads=1)  # the stages, once
+    monkeypatch.setattr(solver_module, "Workspace", counted)
+    runs = solve_batch(beam, actuation={"A14": np.linspace(0.0, 0.05, 96)}, threads=threads)
+    assert runs.ground.threads == threads
+    # One workspace a thread for the way and for the certificates, beside those of the stages.
+    stages = 2 if threads > 1 else 0
+    assert len(ranges) >= (2 * threads if threads > 1 else 1)
+    assert len(ranges) <= 2 * threads + stages + 1
