@@ -20,7 +20,7 @@ from tensegra.mechanics.inputs import (
 )
 from tensegra.mechanics.results import Equilibrium, EquilibriumPath
 from tensegra.mechanics.settings import PathSettings, Policy, Procedure, path_settings
-from tensegra.mechanics.solver import LARGEST_ITERATED
+from tensegra.mechanics.solver import LARGEST_IN_LANES
 from tensegra.mechanics.stability import with_mechanisms
 from tensegra.mechanics.stages import Ground, Leg, first_leg, follow_leg, ground_of, reference_tensions
 from tensegra.mechanics.state import N_VECTORS
@@ -301,7 +301,7 @@ def softest_modes(prepared: Prepared) -> FloatArray:
     """Return the softest modes of K at the end of the stages, ``(n, n_nodes, 3)``, if any."""
     end, ground = prepared.ends[-1], prepared.ground
     nowhere = np.zeros((0, ground.arrays.n_nodes, 3))
-    if end.status[0] not in (Status.STABLE, Status.SNAPPED) or ground.pattern.n_blocks > LARGEST_ITERATED:
+    if end.status[0] not in (Status.STABLE, Status.SNAPPED) or ground.pattern.n_blocks > LARGEST_IN_LANES:
         return nowhere
     load = end.load
     tangent = Tangent(ground.arrays, motions=ground.freedom(load.force).neutral, nodes=end.nodes[0])

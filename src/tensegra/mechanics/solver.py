@@ -248,10 +248,9 @@ class Solver:
         self._share(kernel, certify_runs, runs, n_runs)
         return certificate, asked
 
-    @property
-    def largest_iterated(self) -> int:
-        """Block rows up to which three vectors are iterated for the lowest eigenvalue, not Lanczos'."""
-        return LARGEST_ITERATED
+    def iterates(self, n_runs: int) -> bool:
+        """Whether three vectors are iterated for the lowest eigenvalue: many runs share the work."""
+        return self.pattern.n_blocks <= (LARGEST_ITERATED if n_runs == 1 else LARGEST_IN_LANES)
 
     @cached_property
     def any_modes(self) -> FloatArray:

@@ -384,7 +384,7 @@ class Supervisor:
             rows = np.where((block_node >= 0)[:, None], modes[:N_VECTORS, block_node], 0.0)
             begin = rows.reshape(N_VECTORS, -1)
         self._hold_anew(np.flatnonzero(self._carried_by_pins()))
-        small = solver.pattern.n_blocks <= solver.largest_iterated
+        small = solver.iterates(self.n_runs)
         certificate, by = solver.certify(self.runs, outcome, begin if small else None, directions)
         failed = self._is(Status.FAILED)
         scale = self._stiffest()
