@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tensegra.mechanics import solve_batch, solve_path
+from tensegra.mechanics import PathSettings, solve_batch, solve_path
 from tensegra.structure import Material, Member, Stage, Structure, library
 
 SAME_TENSION = 1e-10
@@ -457,3 +457,27 @@ def test_far_from_the_origin_a_free_body_is_no_different_either():
     assert str(far.status) == str(near.status) == "stable", far.reason
     largest = np.abs(near.final.tensions).max()
     np.testing.assert_allclose(far.final.tensions, near.final.tensions, rtol=0.0, atol=FAR_TENSION * largest)
+
+
+@pytest.mark.parametrize("supports", [{}, {1: "xy", 2: "y"}, {1: "x", 3: "y"}, {1: "yz"}, {1: "z"}], ids=str)
+@pytest.mark.parametrize("first_step", [0.5, 0.03])
+def test_nothing_lies_below_the_lowest_eigenvalue_of_a_free_square(supports, first_step):
+    # Two struts crossed in a square of cables: the softest mode folds it, far below the next ones.
+    ring = {"a": (1, 2), "b": (2, 3), "c": (3, 4), "d": (4, 1)}
+    square = Structure(
+        name="square",
+        nodes={1: (0, 0, 0), 2: (1, 0, 0), 3: (1, 1, 0), 4: (0, 1, 0)},
+        members={
+            **{name: Member("cable", ends, 0.95, stiffness=1e3) for name, ends in ring.items()},
+            "s": Member("strut", (1, 3), float(np.sqrt(2.0)), stiffness=1e5),
+            "t": Member("strut", (2, 4), float(np.sqrt(2.0)), stiffness=1e5),
+        },
+        supports=supports,
+    )
+    found = solve_path(square, settings=PathSettings(first_step=first_step)).final
+    assert str(found.status) == "stable"
+    # The whole square has 207.59 on the complement of its six motions, by the dense spectrum of K.
+    free = solve_path(square.replace(supports={})).final.lowest_eigenvalue
+    assert free == pytest.approx(207.5905, rel=1e-5)
+    if supports == {} or set(supports) == {1, 2}:
+        assert found.lowest_eigenvalue == pytest.approx(207.5905, rel=1e-5)
