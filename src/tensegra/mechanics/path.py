@@ -20,10 +20,9 @@ from tensegra.mechanics.inputs import (
 )
 from tensegra.mechanics.results import Equilibrium, EquilibriumPath
 from tensegra.mechanics.settings import PathSettings, Policy, Procedure, path_settings
-from tensegra.mechanics.solver import LARGEST_IN_LANES
 from tensegra.mechanics.stability import with_mechanisms
 from tensegra.mechanics.stages import Ground, Leg, first_leg, follow_leg, ground_of, reference_tensions
-from tensegra.mechanics.state import N_VECTORS
+from tensegra.mechanics.state import LARGEST_IN_LANES, N_VECTORS
 from tensegra.mechanics.status import Status
 from tensegra.mechanics.tangent import Tangent
 from tensegra.mechanics.trace import traced

@@ -18,7 +18,16 @@ from tensegra.mechanics.inputs import StageInputs
 from tensegra.mechanics.pattern import Pattern, build_pattern
 from tensegra.mechanics.rigid import RigidMotions, held_for
 from tensegra.mechanics.settings import PathSettings
-from tensegra.mechanics.state import N_VECTORS, Lanes, Outcome, Runs, Topology, Workspace, share
+from tensegra.mechanics.state import (
+    LARGEST_IN_LANES,
+    N_VECTORS,
+    Lanes,
+    Outcome,
+    Runs,
+    Topology,
+    Workspace,
+    share,
+)
 from tensegra.mechanics.step import LENGTH_ROUNDING
 
 Kernel = Callable[[Lanes, int, int], None]
@@ -28,10 +37,6 @@ _logger = logging.getLogger("tensegra")
 
 COMPILING_AFTER = 2.0
 """Seconds after which a first call is not loading kernels from disk but compiling them."""
-
-LARGEST_IN_LANES = 1500
-"""Block rows above which a single run is solved in arrays of its own: idle lanes would cost more than they
-save, and compiling for them would not."""
 
 LARGEST_ITERATED = 300
 """Block rows above which Lanczos' method finds a lowest eigenvalue sooner than three iterated vectors."""

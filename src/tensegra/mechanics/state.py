@@ -12,6 +12,11 @@ CACHE_LINE = 64
 """Bytes of a cache line, as many as of a pack."""
 
 
+LARGEST_IN_LANES = 1500
+"""Block rows above which a single run is solved in arrays of its own: idle lanes would cost more than they
+save, and compiling for them would not."""
+
+
 class Topology(NamedTuple):
     """What all runs share: numbers, and the addresses of the arrays of `StructureArrays` and `Pattern`.
 

@@ -11,27 +11,21 @@ import numpy as np
 
 from tensegra.mechanics import kernels, step
 from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray, StructureArrays
+from tensegra.mechanics.certify import BELOW
 from tensegra.mechanics.inputs import Load
 from tensegra.mechanics.law import plain
 from tensegra.mechanics.pattern import Pattern, build_pattern, dense_matrix
 from tensegra.mechanics.rigid import RigidMotions, held_for
-from tensegra.mechanics.state import Workspace, share
+from tensegra.mechanics.state import LARGEST_IN_LANES, Workspace, share
 
 LARGEST_DENSE = 400
 """Up to this many degrees of freedom a dense eigenvalue solver is faster than Lanczos."""
-
-LARGEST_IN_LANES = 1500
-"""Block rows above which a single run is solved in arrays of its own: idle lanes would cost more than they
-save, and compiling for them would not."""
 
 EIGENVALUE_TOLERANCE = 1e-5
 """Relative residual at which Lanczos ends: the error of the eigenvalue is its square."""
 
 MOVES_NOTHING = 1e-9
 """Share of the largest motion below which another one moves no node."""
-
-BELOW = 1e-6
-"""Share of the lowest eigenvalue by which the shift of its proof lies below it."""
 
 
 class Spectrum(NamedTuple):
