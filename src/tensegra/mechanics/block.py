@@ -31,6 +31,7 @@ from tensegra.mechanics.path import Prepared, actuated, stage_targets, through_s
 from tensegra.mechanics.rigid import RigidMotions, in_frame
 from tensegra.mechanics.stages import Ground, Leg
 from tensegra.mechanics.status import Status
+from tensegra.mechanics.supervise import Supervisor
 from tensegra.mechanics.tangent import Tangent
 from tensegra.mechanics.variants import Variants, varied_arrays, varied_structure
 from tensegra.structure import Structure
@@ -203,9 +204,13 @@ def differentiate_block(
         direction = direction_of(Given(structure, arrays, after, inputs), of, name)
         leg = Leg("", rest, arrays.stiffness, nodes, np.ones(1), len(nodes), directions=(direction,))
         solver = ground.solver(ground.freedom(rest.loads_end), nodes[stands][0])
-        supervisor = leg.supervisor(solver)
+        supervisor = Supervisor(solver, leg)
         _, by = solver.certify(supervisor.runs, supervisor.outcome, None, (direction,))
         rates, tensions = by.nodes_by, by.tensions_by[:, 0]
+        for run in map(int, np.flatnonzero(stands & supervisor.grip.is_worn(supervisor.outcome.nodes))):
+            other = supervisor.hand_on(run)
+            _, by = other.solver.certify(other.runs, other.outcome, None, (direction.of_run(run),))
+            rates[run], tensions[run] = by.nodes_by[0], by.tensions_by[0, 0]
     else:
         alone = [
             _differentiate_alone(run_end(structure, ground, inputs, variants, int(run)), nodes[run], of, name)

@@ -41,6 +41,14 @@ class Direction:
     force: FloatArray
     positions: FloatArray
 
+    def of_run(self, run: int) -> "Direction":
+        """Return the direction of one of many runs, whose arrays may have a leading axis."""
+        columns = {}
+        for name, n_axes in (("rest_length", 1), ("stiffness", 1), ("force", 2), ("positions", 2)):
+            values = getattr(self, name)
+            columns[name] = values if values.ndim == n_axes else values[run if len(values) > 1 else 0]
+        return Direction(**columns)
+
 
 @dataclass(frozen=True, eq=False)
 class Derivative:

@@ -41,9 +41,6 @@ STANDS, NEUTRAL, SADDLE, FLAT, LOST = range(11, 16)
 """How a fall ended (`Outcome.end`): in balance where K is positive definite, is singular, or has a negative
 eigenvalue; where nothing carries force, nothing is loaded and K is not definite; nowhere."""
 
-ZERO_EIGENVALUE = 1e-11
-"""Eigenvalues within this share of the largest EA/l₀ of zero cannot be told from it."""
-
 MOST_STEPS = 2000
 """Steps after which a fall is given up; those into a mechanism take about ten."""
 
@@ -137,7 +134,7 @@ def fall_runs(topology, runs, falls, outcome, lanes, first, last):
                         put(lanes.x, i, lane, get(lanes.base_x, i, lane))
                     measured = False
         for lane in range(n):
-            zero_shift = ZERO_EIGENVALUE * get(lanes.scale, 0, lane)
+            zero_shift = kernels.ZERO_EIGENVALUE * get(lanes.scale, 0, lane)
             sought = shift[lane] if state[lane] == _SHIFTING else 0.0
             sought = (
                 0.0 - zero_shift if state[lane] == _ABOVE else zero_shift if state[lane] == _BELOW else sought

@@ -74,6 +74,21 @@ class StageEnd:
             column[run] = np.nan
         self.n_negative[run] = self.steps[run] = self.iterations[run] = 0
 
+    def put(self, run: int, alone: "StageEnd") -> None:
+        """Put the end of a run that others have taken on, who tell of it alone, in its place."""
+        for column in (
+            *("nodes", "tensions", "parameter", "status", "reason", "residual", "lowest_eigenvalue"),
+            *("n_negative", "strain_energy", "steps", "iterations", "nodes_by", "tensions_by"),
+        ):
+            getattr(self, column)[run] = getattr(alone, column)[0]
+        self.critical_points[run] = alone.critical_points[0]
+        if len(self.status) == 1:
+            self.slack_events, self.history, self.last_load = (
+                alone.slack_events,
+                alone.history,
+                alone.last_load,
+            )
+
     def of_all(self, n_runs: int) -> "StageEnd":
         """Return the end of one run as the start of many: its name, its status and how far it came."""
         if len(self.status) == n_runs:

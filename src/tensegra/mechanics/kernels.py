@@ -17,6 +17,8 @@ from tensegra.mechanics.lanes import choose, fused, item, less, load, magnitude,
 PIVOT_ROUNDING = 1e-13
 """Pivots below this share of the largest EA/l₀ are rounding errors of a zero."""
 
+ZERO_EIGENVALUE = 1e-11
+"""Eigenvalues within this share of the largest EA/l₀ of zero cannot be told from it."""
 
 HELD_STIFFNESS = 1e3
 """What holds a held coordinate, as a multiple of the largest EA/l₀: above every eigenvalue of K."""

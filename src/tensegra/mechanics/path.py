@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tensegra.mechanics.arrays import FloatArray, StructureArrays
+from tensegra.mechanics.conclude import concluded
 from tensegra.mechanics.derivatives import Direction, Given
 from tensegra.mechanics.ends import StageEnd
 from tensegra.mechanics.inputs import (
@@ -24,6 +25,7 @@ from tensegra.mechanics.stability import with_mechanisms
 from tensegra.mechanics.stages import Ground, Leg, first_leg, follow_leg, ground_of, reference_tensions
 from tensegra.mechanics.state import LARGEST_IN_LANES, N_VECTORS
 from tensegra.mechanics.status import Status
+from tensegra.mechanics.supervise import Supervisor
 from tensegra.mechanics.tangent import Tangent
 from tensegra.mechanics.trace import traced
 from tensegra.structure import Structure
@@ -187,11 +189,10 @@ def _after(ground: Ground, leg: Leg, before: StageEnd) -> StageEnd:
     there = np.where(np.isfinite(leg.start), leg.start, ground.arrays.coordinates)
     end = follow_leg(ground, replace(leg, start=there)) if None in missing else None
     if end is None:
-        supervisor = replace(leg, start=there).supervisor(
-            ground.solver(ground.freedom(np.zeros_like(there[0])), there[0])
-        )
+        unloaded = ground.freedom(np.zeros_like(there[0]))
+        supervisor = Supervisor(ground.solver(unloaded, there[0]), replace(leg, start=there))
         supervisor.fail_all("")
-        end = supervisor.certified()
+        end = concluded(supervisor)
     for run, reason in enumerate(missing):
         if reason is not None:
             end.give_up(run, reason)

@@ -93,13 +93,20 @@ class Pattern:
         return len(self.row)
 
 
-def build_pattern(arrays: StructureArrays, longest_filled_path: int = LONGEST_FILLED_PATH) -> Pattern:
+def build_pattern(
+    arrays: StructureArrays,
+    movable: BoolArray | None = None,
+    longest_filled_path: int = LONGEST_FILLED_PATH,
+) -> Pattern:
     """Order the unknowns for little fill-in and lay out the factor.
 
     Parameters
     ----------
     arrays
         The structure.
+    movable
+        Nodes that are unknowns, also where each of their coordinates is held, ``(n_nodes,)``; those with a
+        free coordinate where left out.
     longest_filled_path
         Clustered paths over more nodes than this get transports.
     """
@@ -110,9 +117,10 @@ def build_pattern(arrays: StructureArrays, longest_filled_path: int = LONGEST_FI
     ends, n_transports = _transports(arrays, slides)
     n_extra = -(-n_transports // 3)
 
-    movable = np.concatenate([np.flatnonzero(arrays.free.any(axis=1)), arrays.n_nodes + np.arange(n_extra)])
+    moves = arrays.free.any(axis=1) if movable is None else movable
+    unknown = np.concatenate([np.flatnonzero(moves), arrays.n_nodes + np.arange(n_extra)])
     first, second = _couplings(arrays, path_start, path_node, filled, slides, ends)
-    order = _elimination_order(arrays.n_nodes + n_extra, movable, first, second)
+    order = _elimination_order(arrays.n_nodes + n_extra, unknown, first, second)
     block = np.full(arrays.n_nodes + n_extra, -1, dtype=np.int64)
     block[order] = np.arange(len(order))
 

@@ -21,8 +21,9 @@ from tensegra.mechanics.arrays import AXES, BoolArray, FloatArray, StructureArra
 NOTHING = 1e-9
 """Share of the size, of the loads or of one below which a motion, a power or a singular value is rounding."""
 
-MOST_TURNS = 50
-"""Gauss–Newton steps of `align`, which takes five."""
+MOST_TURNS, MOST_SADDLES = 50, 6
+"""Gauss–Newton steps to where the distance of `align` is stationary, which takes five, and times that it is
+left because it is not least there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +170,17 @@ def align(nodes: FloatArray, reference: FloatArray, motions: RigidMotions) -> Fl
     """
     if not len(motions) or not nodes.size:
         return nodes
+    for _ in range(MOST_SADDLES):
+        nodes = _nearest(nodes, reference, motions)
+        turn = _off_farthest(nodes, reference, motions)
+        if not turn.any():
+            break
+        nodes = moved_along(nodes, motions, turn)
+    return nodes
+
+
+def _nearest(nodes: FloatArray, reference: FloatArray, motions: RigidMotions) -> FloatArray:
+    """Move positions along motions to where the distance to a reference is stationary (Gauss–Newton)."""
     for _ in range(MOST_TURNS):
         fields = motions.fields(nodes)
         flat = fields.reshape(*fields.shape[:-2], -1)
@@ -176,11 +188,35 @@ def align(nodes: FloatArray, reference: FloatArray, motions: RigidMotions) -> Fl
         normal = flat @ np.swapaxes(flat, -1, -2)
         # Where the nodes have come to lie on a line, a turn about it moves none: it is left out.
         shares = (np.linalg.pinv(normal, rcond=NOTHING, hermitian=True) @ (flat @ away[..., None]))[..., 0]
-        moved = _moved(nodes, motions, shares)
+        moved = moved_along(nodes, motions, shares)
         nodes, change = moved, float(np.abs(moved - nodes).max())
         if change <= 1e-15 * float(np.abs(nodes).max()):
             break
     return nodes
+
+
+def _off_farthest(nodes: FloatArray, reference: FloatArray, motions: RigidMotions) -> FloatArray:
+    """Return shares of the motions, ``(…, n_motions)``, that lead off where the distance is not least.
+
+    A body that is half a turn off is where its distance is stationary, but largest: the second derivative
+    of half its square, u_p·u_q − (r − x)·(ω_p × u_q) with both orders' mean, has a negative direction there.
+    Shares are zero where it has none.
+    """
+    fields = motions.fields(nodes)
+    flat = fields.reshape(*fields.shape[:-2], -1)
+    away = reference - nodes
+    normal = flat @ np.swapaxes(flat, -1, -2)
+    turned = np.cross(motions.spin[:, None], fields[..., None, :, :, :])
+    bent = np.einsum("...pqni,...ni->...pq", turned, away)
+    form = normal - 0.5 * (bent + np.swapaxes(bent, -1, -2))
+    # Motions in a unit of their own: a turn and a shift that move the nodes by as much count alike.
+    size = np.sqrt(np.maximum(np.einsum("...qq->...q", normal), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(form / (size[..., :, None] * size[..., None, :]))
+    lowest = vectors[..., 0] / size
+    spin = np.abs(np.einsum("...q,qni->...ni", lowest, motions.spin)).max(axis=(-1, -2))
+    off = (values[..., 0] < -NOTHING) & (spin > 0.0)
+    shares: FloatArray = np.where(off, 1.0 / np.where(off, spin, 1.0), 0.0)[..., None] * lowest
+    return shares
 
 
 def in_frame(
@@ -206,7 +242,7 @@ def in_frame(
     return rates - np.swapaxes(shares, -1, -2) @ at
 
 
-def _moved(nodes: FloatArray, motions: RigidMotions, shares: FloatArray) -> FloatArray:
+def moved_along(nodes: FloatArray, motions: RigidMotions, shares: FloatArray) -> FloatArray:
     """Go along a combination of motions for a unit of time: x ↦ exp(ξ) x of each node's ξ = (t, ω)."""
     translation = np.einsum("...q,qni->...ni", shares, motions.translation)
     spin = np.einsum("...q,qni->...ni", shares, motions.spin)

@@ -65,6 +65,8 @@ class Solver:
         Where the structure is when these are chosen, ``(n_nodes, 3)``.
     pattern
         Of the structure where it is known already, and there are no motions.
+    turning
+        Rigid motions that the supports leave, neutral or not.
     """
 
     def __init__(
@@ -75,12 +77,15 @@ class Solver:
         motions: RigidMotions | None = None,
         nodes: FloatArray | None = None,
         pattern: Pattern | None = None,
+        turning: RigidMotions | None = None,
     ) -> None:
+        self.turning = turning
         self.settings, self.threads, self.motions = settings, threads, motions
         self._kept: tuple[tuple[int, bool], Workspace] | None = None
         self.given = arrays
+        self.held_at = arrays.coordinates if nodes is None else nodes
         self.arrays = arrays if motions is None or nodes is None else held_for(arrays, motions, nodes)
-        self.pattern = build_pattern(self.arrays) if pattern is None else pattern
+        self.pattern = build_pattern(self.arrays, np.any(arrays.free, axis=1)) if pattern is None else pattern
         given = None if motions is None else (motions.translation, motions.spin)
         self.shared = share(self.arrays, self.pattern, given)
         self.topology: Topology = self.shared.topology

@@ -10,21 +10,25 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tensegra.mechanics.arrays import FloatArray, IndexArray, StructureArrays, structure_arrays
+from tensegra.mechanics.conclude import concluded
 from tensegra.mechanics.derivatives import Direction
-from tensegra.mechanics.descend import ZERO_EIGENVALUE
 from tensegra.mechanics.ends import StageEnd
+from tensegra.mechanics.falls import FLAT_TENSION
 from tensegra.mechanics.follow import UNSTABLE_START
-from tensegra.mechanics.inputs import StageInputs
 from tensegra.mechanics.pattern import Pattern, build_pattern
 from tensegra.mechanics.reactions import internal_forces
 from tensegra.mechanics.rigid import Freedom, RigidMotions, align, freedom_under, in_frame, rigid_motions
 from tensegra.mechanics.settings import PathSettings
 from tensegra.mechanics.solver import Solver
-from tensegra.mechanics.supervise import FLAT_TENSION, Supervisor
+from tensegra.mechanics.status import Status
+from tensegra.mechanics.supervise import Supervisor, Task
 from tensegra.structure import Structure
 
 NEAR_EQUILIBRIUM = 1e-2
 """A start within this share of the structure's size of an equilibrium is taken to mean it."""
+
+SAME_END = 1e-6
+"""Share of the size within which the plain procedure ends where the path does."""
 
 _KEPT = "_flat_for_mechanics"  # where a structure keeps its `_Flat`, beside its cached properties
 
@@ -65,10 +69,16 @@ class Ground:
         if not len(freedom.neutral):
             if b"" not in self._solvers:
                 self._solvers[b""] = Solver(
-                    self.plain_arrays, self.settings, self.threads, pattern=self.pattern
+                    self.plain_arrays,
+                    self.settings,
+                    self.threads,
+                    pattern=self.pattern,
+                    turning=self.motions,
                 )
             return self._solvers[b""]
-        return Solver(self.plain_arrays, self.settings, self.threads, freedom.neutral, nodes)
+        return Solver(
+            self.plain_arrays, self.settings, self.threads, freedom.neutral, nodes, turning=self.motions
+        )
 
     def on_threads(self, threads: int) -> "Ground":
         """Return the same with solvers of its own on so many threads."""
@@ -103,54 +113,23 @@ def ground_of(structure: Structure, settings: PathSettings, threads: int = 1) ->
 
 
 @dataclass(frozen=True, eq=False)
-class Leg:
-    """One part of a history, of one run or of many.
+class Leg(Task):
+    """A part of a history, and what is asked about its end.
 
     Attributes
     ----------
-    name
-        Of the stage.
-    stage
-        Its inputs, with or without a leading axis of runs.
-    stiffness
-        EA, with or without one.
-    start
-        Positions at λ = 0, ``(n_runs | 1, n_nodes, 3)``.
-    reference
-        What counts as a tension of the structure, ``(n_runs | 1,)``.
-    n_runs
-        Number of runs.
-    recorded
-        Whether points and events on the way are wanted, for a single run.
     modes
         Guess of the softest modes at its end, ``(3, n_nodes, 3)``.
     directions
         What to differentiate its end by.
     """
 
-    name: str
-    stage: StageInputs
-    stiffness: FloatArray
-    start: FloatArray
-    reference: FloatArray
-    n_runs: int = 1
-    recorded: bool = False
     modes: FloatArray | None = None
     directions: Sequence[Direction] = ()
 
-    def supervisor(self, solver: Solver, stage: StageInputs | None = None) -> Supervisor:
-        """Return who takes the runs through the leg, or through a part of it."""
-        chosen = self.stage if stage is None else stage
-        return Supervisor(
-            solver,
-            self.name,
-            chosen,
-            self.stiffness,
-            self.start,
-            self.reference,
-            self.n_runs,
-            recorded=self.recorded,
-        )
+    def concluded(self, supervisor: Supervisor, start: FloatArray, solver: Solver) -> StageEnd:
+        """Return what is known at the end, in the frame of least squares from the start of the leg."""
+        return _aligned(concluded(supervisor, self.modes, self.directions), start, solver)
 
 
 def follow_leg(ground: Ground, leg: Leg) -> StageEnd:
@@ -160,16 +139,19 @@ def follow_leg(ground: Ground, leg: Leg) -> StageEnd:
         return _without_equilibrium(ground, leg, ends.unheld or freedom.unheld)
     solver = ground.solver(freedom, leg.start[0])
     if len(ends.neutral) > len(freedom.neutral) and ground.settings.path == "adaptive":
-        first = leg.supervisor(solver, leg.stage.between(0.0, UNLOADED_AT))
+        first = Supervisor(solver, replace(leg, stage=leg.stage.between(0.0, UNLOADED_AT)))
         first.follow()
         nodes = first.outcome.nodes.reshape(leg.n_runs, -1, 3)
         solver = ground.solver(ends, nodes[0])
-        supervisor = replace(leg, start=nodes).supervisor(solver, leg.stage.between(UNLOADED_AT, 1.0))
+        rest = replace(leg, start=nodes, stage=leg.stage.between(UNLOADED_AT, 1.0))
+        supervisor = Supervisor(solver, rest)
         supervisor.go_on_from(first)
     else:
-        supervisor = leg.supervisor(solver)
-        _go(supervisor)
-    return _aligned(supervisor.certified(leg.modes, leg.directions), leg.start, solver)
+        supervisor = Supervisor(solver, leg)
+        supervisor.follow()
+        if ground.settings.path == "stepped":
+            supervisor = _stepped(solver, leg, supervisor)
+    return leg.concluded(supervisor, leg.start, solver)
 
 
 def first_leg(ground: Ground, leg: Leg, *, settle: bool) -> StageEnd:
@@ -191,29 +173,43 @@ def first_leg(ground: Ground, leg: Leg, *, settle: bool) -> StageEnd:
     if ends.unheld:
         return _without_equilibrium(ground, leg, ends.unheld)
     solver = ground.solver(ends, leg.start[0])
-    start = leg.supervisor(solver)
+    start = Supervisor(solver, leg)
     certificate, _ = solver.certify(start.runs, start.outcome, None)
     tensions = start.outcome.tensions
     leg = replace(leg, reference=reference_tensions([tensions], leg.stiffness))
-    if ground.settings.path == "stepped":
-        supervisor = leg.supervisor(solver)
-        _go(supervisor)
-        return _aligned(supervisor.certified(leg.modes, leg.directions), leg.start, solver)
     stands = certificate.n_negative == 0
     force = internal_forces(ground.arrays, leg.start, tensions)
-    supervisor = leg.supervisor(solver, leg.stage.balanced_by(force))
+    supervisor = Supervisor(solver, replace(leg, stage=leg.stage.balanced_by(force)))
     if not settle:
         _stay_unstable(solver, leg, np.flatnonzero(~stands), supervisor)
     supervisor.fall_into_place(~stands)
     supervisor.follow()
-    return _aligned(supervisor.certified(leg.modes, leg.directions), leg.start, solver)
+    if ground.settings.path == "stepped":
+        supervisor = _stepped(solver, leg, supervisor)
+    return leg.concluded(supervisor, leg.start, solver)
 
 
-def _go(supervisor: Supervisor) -> None:
-    if supervisor.settings.path == "stepped":
-        supervisor.step()
-    else:
-        supervisor.follow()
+def _stepped(solver: Solver, leg: Leg, followed: Supervisor) -> Supervisor:
+    """Take the runs of a leg through it by the plain procedure, whose words are those of the path beside it.
+
+    The procedure has no evidence of its own that two increments lie on one branch. So what arrives is
+    ``stable`` where the path followed from the same start is, and ends in the same place.
+    """
+    stepped = Supervisor(solver, leg)
+    stepped.step()
+    for run in map(int, np.flatnonzero(stepped.account.has(Status.STABLE))):
+        nodes, there = stepped.outcome.nodes[[run]], followed.outcome.nodes[[run]]
+        size, account = solver.arrays.size, followed.account
+        away = np.abs(nodes - there).max(initial=0.0)
+        if account.status[run] is Status.STABLE and away <= SAME_END * size:
+            continue
+        passed = account.reason[run] or "; ".join(map(str, account.critical_points[run]))
+        stepped.account.set(
+            run,
+            Status.SNAPPED,
+            f"an increment left the path, {f'which tells: {passed}' if passed else 'which ends elsewhere'}",
+        )
+    return stepped
 
 
 def _freedom(ground: Ground, leg: Leg) -> tuple[Freedom, Freedom]:
@@ -230,7 +226,7 @@ def _stay_unstable(solver: Solver, leg: Leg, candidates: IndexArray, supervisor:
     """Leave runs at unstable equilibria that are near the given coordinates, where there are any."""
     if not len(candidates):
         return
-    near = leg.supervisor(solver)
+    near = Supervisor(solver, leg)
     near.outcome.parameter[:] = 1.0
     part = near.outcome.take(candidates)
     solver.follow(near.runs.take(candidates), part)
@@ -238,9 +234,9 @@ def _stay_unstable(solver: Solver, leg: Leg, candidates: IndexArray, supervisor:
     for row, run in enumerate(candidates.tolist()):
         if part.end[row] != UNSTABLE_START or away[row] > NEAR_EQUILIBRIUM * solver.arrays.size:
             continue
-        tangent = near.measured(run, part.nodes[row], 1.0)
+        tangent = near.gauge.measured(run, part.nodes[row], 1.0)
         lowest = tangent.lowest_eigenvalue()
-        if lowest < -ZERO_EIGENVALUE * tangent.stiffness_scale:
+        if lowest < -tangent.zero_eigenvalue:
             negative = f"{tangent.factorise()} negative eigenvalue(s), lowest {lowest:.4g}"
             reason = f"the start is an equilibrium that does not stand: {negative}"
             supervisor.stay(run, part.nodes[row], int(part.iterations[row]), reason)
@@ -248,12 +244,12 @@ def _stay_unstable(solver: Solver, leg: Leg, candidates: IndexArray, supervisor:
 
 def _without_equilibrium(ground: Ground, leg: Leg, unheld: tuple[str, ...]) -> StageEnd:
     """Return the end of runs that a net force pulls away."""
-    supervisor = leg.supervisor(ground.solver(ground.freedom(np.zeros(leg.start.shape[-2:])), leg.start[0]))
+    supervisor = Supervisor(ground.solver(ground.freedom(np.zeros(leg.start.shape[-2:])), leg.start[0]), leg)
     along = ", ".join(unheld)
     supervisor.fail_all(
         f"no equilibrium: nothing holds the structure against the net force along its {along}"
     )
-    return supervisor.certified()
+    return concluded(supervisor)
 
 
 def _aligned(end: StageEnd, start: FloatArray, solver: Solver) -> StageEnd:

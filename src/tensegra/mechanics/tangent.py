@@ -5,6 +5,7 @@ clustered cables and the coordinates that are held for neutral rigid motions: ve
 ``(n_nodes, 3)``.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from tensegra.mechanics import kernels, step
 from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray, StructureArrays
 from tensegra.mechanics.certify import BELOW
 from tensegra.mechanics.inputs import Load
+from tensegra.mechanics.kernels import ZERO_EIGENVALUE
 from tensegra.mechanics.law import plain
 from tensegra.mechanics.pattern import Pattern, build_pattern, dense_matrix
 from tensegra.mechanics.rigid import RigidMotions, held_for
@@ -76,7 +78,7 @@ class Tangent:
         elif self.motions is not None:
             self.arrays = held_for(arrays, self.motions, arrays.coordinates if nodes is None else nodes)
             pattern = None
-        self.pattern = build_pattern(self.arrays) if pattern is None else pattern
+        self.pattern = build_pattern(self.arrays, np.any(arrays.free, axis=1)) if pattern is None else pattern
         self.shared = share(self.arrays, self.pattern)
         self.topology = self.shared.topology
         self.work = Workspace(self.shared, 0, single=self.pattern.n_blocks > LARGEST_IN_LANES)
@@ -113,6 +115,11 @@ class Tangent:
     def stiffness_scale(self) -> float:
         """Largest k of the last measure, slack or not: what is little beside it is rounding."""
         return float(self._read(self.work.scale)[0])
+
+    @property
+    def zero_eigenvalue(self) -> float:
+        """What an eigenvalue of the last measure has to be larger than to be told from zero."""
+        return ZERO_EIGENVALUE * self.stiffness_scale
 
     def measure(
         self, nodes: FloatArray, load: Load, stress: FloatArray | None = None
@@ -287,12 +294,6 @@ class Tangent:
         n = len(free)
         padded = np.zeros(3 * self.pattern.n_blocks)
 
-        def inverse(vector: FloatArray) -> FloatArray:
-            padded[free] = vector.ravel()
-            self._write(self.work.second, padded)
-            kernels.solve(self.topology, self.lanes, self.lanes.second)
-            return self._read(self.work.second)[free]
-
         def product(vector: FloatArray) -> FloatArray:
             padded[free] = vector.ravel()
             return self._gather(self.force_rate(self._scatter(padded)))[free]
@@ -303,7 +304,7 @@ class Tangent:
             return apart
 
         operator = {name: LinearOperator((n, n), matvec=f, dtype=np.float64) for name, f in (
-            ("inverse", inverse), ("product", product), ("metric", metric))}  # fmt: skip
+            ("inverse", self._inverse(shift, rigid)), ("product", product), ("metric", metric))}  # fmt: skip
         start = np.random.default_rng(0).standard_normal(n)
         wanted = n_lowest
         while True:
@@ -322,15 +323,61 @@ class Tangent:
                 values, vectors = np.real(stopped.eigenvalues), np.real(stopped.eigenvectors)
             order = np.argsort(values.real)
             values, vectors = np.real(values)[order], np.real(vectors)[:, order]
-            if len(values) >= n_lowest and (rigid is not None or wanted > 64 or self._proved(values[0])):
+            if len(values) >= n_lowest and (wanted > 64 or self._proved(values[0], rigid)):
                 return values[:n_lowest], vectors[:, :n_lowest]
             wanted = 2 * wanted + 2
             while self.factorise(shift) > 0:
                 shift = max(4.0 * shift, 1e-9 * self.stiffness_scale)
 
-    def _proved(self, lowest: float) -> bool:
-        """Whether no eigenvalue lies below one that was found."""
-        return self.factorise(-lowest + BELOW * abs(lowest)) == 0
+    def _inverse(self, shift: float, rigid: FloatArray | None) -> Callable[[FloatArray], FloatArray]:
+        """Return what multiplies by the inverse of A − σ R Rᵀ, with the factor of A = K + σ I at hand.
+
+        It is A⁻¹ + σ A⁻¹ R (I − σ Rᵀ A⁻¹ R)⁻¹ Rᵀ A⁻¹ (Woodbury's formula).
+        """
+        free = self.free_index
+        padded = np.zeros(3 * self.pattern.n_blocks)
+        images = np.zeros((0, len(free))) if rigid is None else self._solved(rigid)[:, free]
+        among = np.eye(len(images))
+        if rigid is not None:
+            among -= shift * images @ rigid[:, free].T
+
+        def inverse(vector: FloatArray) -> FloatArray:
+            padded[free] = vector.ravel()
+            self._write(self.work.second, padded)
+            kernels.solve(self.topology, self.lanes, self.lanes.second)
+            solved = self._read(self.work.second)[free]
+            if not shift or not len(images):
+                return solved
+            corrected: FloatArray = solved + shift * images.T @ np.linalg.solve(
+                among, images @ vector.ravel()
+            )
+            return corrected
+
+        return inverse
+
+    def _proved(self, lowest: float, rigid: FloatArray | None) -> bool:
+        """Whether no eigenvalue lies below one that was found.
+
+        With neutral motions R the matrix is A + σ R Rᵀ with A = K − σ I, which has as many negative
+        eigenvalues as A less those of σ⁻¹ I + Rᵀ A⁻¹ R (as in `tensegra.mechanics.certify`).
+        """
+        shift = lowest - BELOW * abs(lowest)
+        below = self.factorise(-shift)
+        if rigid is not None:
+            small = np.eye(len(rigid)) / shift + rigid @ self._solved(rigid).T
+            below -= int((np.linalg.eigvalsh(0.5 * (small + small.T)) < 0.0).sum())
+        return below == 0
+
+    def _solved(self, rows: FloatArray) -> FloatArray:
+        """Solve for right-hand sides in elimination order, ``(n, 3 n_blocks)``, held coordinates at rest."""
+        solved = np.zeros_like(rows)
+        for row, right in zip(solved, rows, strict=True):
+            padded = np.zeros(rows.shape[1])
+            padded[self.free_index] = right[self.free_index]
+            self._write(self.work.second, padded)
+            kernels.solve(self.topology, self.lanes, self.lanes.second)
+            row[self.free_index] = self._read(self.work.second)[self.free_index]
+        return solved
 
     @staticmethod
     def _read(field: FloatArray) -> FloatArray:

@@ -7,8 +7,9 @@ import pytest
 
 from tensegra.mechanics import PathSettings, solve_path
 from tensegra.mechanics.arrays import structure_arrays
-from tensegra.mechanics.descend import FLAT, LOST, SADDLE, STANDS, ZERO_EIGENVALUE
+from tensegra.mechanics.descend import FLAT, LOST, SADDLE, STANDS
 from tensegra.mechanics.inputs import Load, StageInputs
+from tensegra.mechanics.kernels import ZERO_EIGENVALUE
 from tensegra.mechanics.solver import Solver
 from tensegra.mechanics.tangent import Tangent
 from tensegra.structure import Member, Structure, library

@@ -71,7 +71,7 @@ def test_every_way_to_end_is_told_as_alone():
 
 def test_prestress_lost_on_the_way_is_told_as_alone(monkeypatch):
     # With the usual threshold Newton's method is almost always done before: a coarse one is met.
-    monkeypatch.setattr("tensegra.mechanics.supervise.FLAT_TENSION", 0.5)
+    monkeypatch.setattr("tensegra.mechanics.falls.FLAT_TENSION", 0.5)
     beam = library.paper_beam().replace(gravity=(0.0, 0.0, 0.0))
     values = np.array([-0.02, -0.05, -0.10])
     batch = solve_batch(beam, actuation={"A14": values, "A23": -values}, settings=STEPPED)

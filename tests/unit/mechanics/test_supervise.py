@@ -8,7 +8,7 @@ import pytest
 
 from tensegra.mechanics import PathSettings, Status, solve_batch, solve_path
 from tensegra.mechanics.arrays import structure_arrays
-from tensegra.mechanics.descend import ZERO_EIGENVALUE
+from tensegra.mechanics.kernels import ZERO_EIGENVALUE
 from tensegra.mechanics.tangent import Tangent
 from tensegra.structure import Member, Structure, apply_changes, library
 
