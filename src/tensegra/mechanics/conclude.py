@@ -52,11 +52,16 @@ def concluded(
             account.note_point(nodes[0], parameter, int(outcome.iterations[0]))
         account.correct_last_point(nodes[0], outcome.tensions[0], parameter)
     nothing_at = np.where(failed, np.nan, 0.0)
+    # What is left of the prestress where it is lost is rounding, of which no sign and no size is told.
+    flat = account.has(Status.COLLAPSED)[:, None] & (
+        np.abs(outcome.tensions) <= supervisor.flat_below[:, None]
+    )
+    tensions = np.where(flat, 0.0, outcome.tensions)
     stands = account.has(Status.STABLE, Status.SNAPPED)[:, None, None]
     end = StageEnd(
         name=account.name,
         nodes=nodes + nothing_at[:, None, None],
-        tensions=outcome.tensions + nothing_at[:, None],
+        tensions=tensions + nothing_at[:, None],
         parameter=outcome.parameter,
         status=account.status,
         reason=account.reason,

@@ -74,19 +74,19 @@ class StageEnd:
             column[run] = np.nan
         self.n_negative[run] = self.steps[run] = self.iterations[run] = 0
 
-    def put(self, run: int, alone: "StageEnd") -> None:
-        """Put the end of a run that others have taken on, who tell of it alone, in its place."""
+    def put(self, run: int, other: "StageEnd", row: int = 0) -> None:
+        """Put the end of a run, of which another tells in some row, in its place."""
         for column in (
             *("nodes", "tensions", "parameter", "status", "reason", "residual", "lowest_eigenvalue"),
             *("n_negative", "strain_energy", "steps", "iterations", "nodes_by", "tensions_by"),
         ):
-            getattr(self, column)[run] = getattr(alone, column)[0]
-        self.critical_points[run] = alone.critical_points[0]
+            getattr(self, column)[run] = getattr(other, column)[row]
+        self.critical_points[run] = other.critical_points[row]
         if len(self.status) == 1:
             self.slack_events, self.history, self.last_load = (
-                alone.slack_events,
-                alone.history,
-                alone.last_load,
+                other.slack_events,
+                other.history,
+                other.last_load,
             )
 
     def of_all(self, n_runs: int) -> "StageEnd":

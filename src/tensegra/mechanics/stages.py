@@ -14,7 +14,7 @@ from tensegra.mechanics.conclude import concluded
 from tensegra.mechanics.derivatives import Direction
 from tensegra.mechanics.ends import StageEnd
 from tensegra.mechanics.falls import FLAT_TENSION
-from tensegra.mechanics.follow import UNSTABLE_START
+from tensegra.mechanics.follow import ARRIVED, UNSTABLE_START
 from tensegra.mechanics.pattern import Pattern, build_pattern
 from tensegra.mechanics.reactions import internal_forces
 from tensegra.mechanics.rigid import Freedom, RigidMotions, align, freedom_under, in_frame, rigid_motions
@@ -145,12 +145,19 @@ def follow_leg(ground: Ground, leg: Leg) -> StageEnd:
         solver = ground.solver(ends, nodes[0])
         rest = replace(leg, start=nodes, stage=leg.stage.between(UNLOADED_AT, 1.0))
         supervisor = Supervisor(solver, rest)
+        stopped = (first.outcome.end != ARRIVED) & ~first.account.has(Status.COLLAPSED)
         supervisor.go_on_from(first)
-    else:
-        supervisor = Supervisor(solver, leg)
-        supervisor.follow()
-        if ground.settings.path == "stepped":
-            supervisor = _stepped(solver, leg, supervisor)
+        end = leg.concluded(supervisor, leg.start, solver)
+        if np.any(stopped):
+            before = leg.concluded(first, leg.start, first.solver)
+            before.parameter *= UNLOADED_AT
+            for run in map(int, np.flatnonzero(stopped)):
+                end.put(run, before, run)
+        return end
+    supervisor = Supervisor(solver, leg)
+    supervisor.follow()
+    if ground.settings.path == "stepped":
+        supervisor = _stepped(solver, leg, supervisor)
     return leg.concluded(supervisor, leg.start, solver)
 
 

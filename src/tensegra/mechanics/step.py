@@ -99,20 +99,24 @@ def taut_by_stress(topology, lanes):
 def measure_by_length(topology, lanes):
     """Measure, and let the lengths say which cables carry force; the stress is the tension measured.
 
-    A cable that pulls by no more than its length is rounded is slack: nothing tells it from one that is not
-    stretched, and a stiffness that rounding decides on would decide on the word of the structure.
+    A cable that pulls by no more than its length is rounded is slack, and a strut with no more carries
+    nothing: nothing tells them from members that are not stretched, and a stiffness that rounding decides on
+    would decide on the word of the structure.
     """
     one = zero(lanes.x) + 1.0
     for e in range(topology.n_members):
         store(lanes.taut, e, one)
     kernels.measure(topology, lanes)
     for e in range(topology.n_members):
+        tension, l0, ea = load(lanes.tension, e), load(lanes.rest_length, e), load(lanes.stiffness, e)
+        rounding = LENGTH_ROUNDING * law.size(load(lanes.length, e), l0, ea)
         if number(topology.is_cable, e) > 0.0:
-            tension, l0, ea = load(lanes.tension, e), load(lanes.rest_length, e), load(lanes.stiffness, e)
-            taut = less(LENGTH_ROUNDING * law.size(load(lanes.length, e), l0, ea), tension)
+            taut = less(rounding, tension)
             store(lanes.taut, e, taut)
-            store(lanes.tension, e, choose(taut, tension, zero(lanes.x)))
             store(lanes.axial, e, taut * load(lanes.axial, e))
+        else:
+            taut = less(rounding, magnitude(tension))
+        store(lanes.tension, e, choose(taut, tension, zero(lanes.x)))
         store(lanes.stress, e, load(lanes.tension, e))
 
 

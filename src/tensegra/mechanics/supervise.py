@@ -158,6 +158,11 @@ class Supervisor:
         return active[~goes[active]]
 
     @property
+    def flat_below(self) -> FloatArray:
+        """Tensions that count as none, ``(n_runs,)``."""
+        return self._falls.flat_below
+
+    @property
     def is_handed(self) -> BoolArray:
         """Which runs are where only others can take them on, ``(n_runs,)``."""
         handed = np.zeros(self.n_runs, dtype=np.bool_)
@@ -184,7 +189,7 @@ class Supervisor:
     def step(self) -> None:
         """Take all runs through the stage by the plain procedure of fixed increments."""
         number = stepped.n_increments(self.task.stage, self.settings.increment)
-        self.solver.step(self.runs, self.outcome, number, self._falls.flat_below, self.account.record)
+        self.solver.step(self.runs, self.outcome, number, self.flat_below, self.account.record)
         self.account.drain()
         number = np.broadcast_to(number, (self.n_runs,))
         for run in map(int, np.flatnonzero(self.outcome.end != stepped.ARRIVED)):
@@ -226,10 +231,21 @@ class Supervisor:
             self.account.fail(run, reason)
 
     def go_on_from(self, first: "Supervisor") -> None:
-        """Follow on where another one, of an earlier part of the same stage, has brought the runs."""
+        """Follow on where another one, of an earlier part of the same stage, has brought the runs.
+
+        What has collapsed there lies down under the inputs at the end, as it does within one part; what has
+        stopped there for another reason is not touched.
+        """
         self.account.go_on_from(first.account)
         self.outcome.steps[:], self.outcome.iterations[:] = first.outcome.steps, first.outcome.iterations
         self.outcome.end[:] = np.where(first.outcome.end == follow.ARRIVED, _UNDER_WAY, first.outcome.end)
+        lies = np.flatnonzero(self.account.has(Status.COLLAPSED))
+        if len(lies):
+            before = self.outcome.nodes[lies]
+            fallen = self._fall(lies, before, np.ones(len(lies)))
+            for row in np.flatnonzero(fallen.end == descend.STANDS).tolist():
+                self._land(int(lies[row]), "collapse", before[row], fallen, row, 0.0)
+            self.outcome.nodes[lies], self.outcome.parameter[lies] = fallen.nodes, 1.0
         self.follow()
 
     # -- ends of branches ------------------------------------------------------------------------
