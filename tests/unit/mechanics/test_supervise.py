@@ -8,6 +8,7 @@ import pytest
 
 from tensegra.mechanics import PathSettings, Status, solve_batch, solve_path
 from tensegra.mechanics.arrays import structure_arrays
+from tensegra.mechanics.falls import FLAT_TENSION
 from tensegra.mechanics.kernels import ZERO_EIGENVALUE
 from tensegra.mechanics.tangent import Tangent
 from tensegra.structure import Member, Structure, apply_changes, library
@@ -67,7 +68,10 @@ def test_where_they_come_to_rest_is_a_neutral_equilibrium(case):
         n_free = len(batch.mechanisms(run))
         assert f"; {n_free} free mechanism" in path.reason
         assert n_free == np.sum(np.abs(values) < 100.0 * zero)  # as `stability.SINGULAR` counts
-        np.testing.assert_array_equal(batch.tensions[run], tangent.tension)
+        # What is left of the prestress is rounding, and told as nothing.
+        flat = FLAT_TENSION * np.abs(path.stages[-1].tensions).max()
+        told = np.where(np.abs(tangent.tension) <= flat, 0.0, tangent.tension)
+        np.testing.assert_array_equal(batch.tensions[run], told)
 
 
 @pytest.mark.parametrize("policy", ["stop", "trace"])
