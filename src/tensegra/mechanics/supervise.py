@@ -19,7 +19,6 @@ from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray
 from tensegra.mechanics.bridge import leads_back
 from tensegra.mechanics.falls import Falls
 from tensegra.mechanics.gauge import Gauge
-from tensegra.mechanics.grip import Grip
 from tensegra.mechanics.inputs import StageInputs
 from tensegra.mechanics.rigid import align
 from tensegra.mechanics.solver import Solver
@@ -105,14 +104,13 @@ class Supervisor:
     def __init__(self, solver: Solver, task: Task) -> None:
         self.solver, self.task, self.n_runs = solver, task, task.n_runs
         self.arrays, self.settings = solver.arrays, solver.settings
-        self.reference = np.array(np.broadcast_to(task.reference, (task.n_runs,)))
+        self.reference = np.full(task.n_runs, task.reference)
         self.runs: Runs = solver.runs(task.stage, task.stiffness, task.start, task.n_runs)
         self.outcome: Outcome = solver.outcome(task.start, task.n_runs)
         self.gauge = Gauge(solver, task.stage, task.stiffness)
         self.account = Account(task.name, self.gauge, task.n_runs, recorded=task.recorded)
-        self.grip = Grip(self.gauge, self.runs)
         self.handed_on: dict[int, Supervisor] = {}
-        self._falls = Falls(self.gauge, self.runs, self.reference, self.grip)
+        self._falls = Falls(self.gauge, self.runs, self.reference)
 
     # -- the way ---------------------------------------------------------------------------------
 
@@ -131,13 +129,8 @@ class Supervisor:
             for run in map(int, active[end == follow.OUT_OF_STEPS]):
                 self._fail(run, f"{self.outcome.steps[run]} steps end at {self._percent(run)} of the stage")
             # What was held for a body that has turned too far says nothing of it: others go on from there.
-            worn = self.grip.is_worn(part.nodes) & (end != follow.OUT_OF_STEPS)
-            ended = active[
-                ~worn
-                & np.isin(
-                    end, (follow.BRANCH_ENDS, follow.EVENT_ENDS, follow.NO_START, follow.UNSTABLE_START)
-                )
-            ]
+            worn = self.solver.grip.is_worn(part.nodes) & (end != follow.OUT_OF_STEPS)
+            ended = active[~worn & (end >= follow.BRANCH_ENDS) & (end <= follow.UNSTABLE_START)]
             resumed = active[worn | (end == follow.PAUSED)]
             if rounds > MOST_EVENTS:
                 for run in map(int, np.concatenate([ended, resumed])):
@@ -147,8 +140,10 @@ class Supervisor:
 
     def _hand_on(self, active: IndexArray) -> IndexArray:
         """Let others take the runs on for which other coordinates have to be held; return the rest."""
-        goes = self.is_handed | False
-        goes[active] |= self.grip.is_worn(self.outcome.nodes[active])
+        if not len(self.gauge.motions) and not self._falls.handed:
+            return active
+        goes = self.is_handed
+        goes[active] |= self.solver.grip.is_worn(self.outcome.nodes[active])
         for run in map(int, active[goes[active]]):
             other = self.hand_on(run)
             other.outcome.end[:] = _UNDER_WAY
@@ -171,7 +166,7 @@ class Supervisor:
 
     def hand_on(self, run: int) -> "Supervisor":
         """Return who takes a run on from where it stands, with coordinates held that are chosen there."""
-        new = self._falls.handed.get(run) or self.grip.anew(run, self.outcome.nodes[run])
+        new = self._falls.handed.get(run) or self._falls.hand_on(run, self.outcome.nodes[run])
         task = Task(
             self.task.name,
             new.stage,
