@@ -37,7 +37,10 @@ def concluded(
     begin = _begin(supervisor, modes) if solver.iterates(n_runs) else None
     certificate, by = solver.certify(supervisor.runs, outcome, begin, directions)
     handed = supervisor.is_handed
-    unproved = ~account.has(Status.FAILED) & (certificate.proof != PROVED) & ~handed
+    # Where a fall has found K singular, shifted to either side of zero, its lowest eigenvalue is none.
+    gone = account.has(Status.COLLAPSED)
+    certificate.lowest_eigenvalue[gone] = 0.0
+    unproved = ~(gone | account.has(Status.FAILED) | handed) & (certificate.proof != PROVED)
     for run in map(int, np.flatnonzero(unproved)):
         tangent = supervisor.gauge.measured(run, outcome.nodes[run], float(outcome.parameter[run]))
         certificate.lowest_eigenvalue[run] = tangent.lowest_eigenvalue()

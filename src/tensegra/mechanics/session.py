@@ -11,7 +11,6 @@ from tensegra.mechanics.settings import PathSettings
 from tensegra.mechanics.stages import Leg, follow_leg, reference_tensions
 from tensegra.structure import Structure
 
-
 IN_ONE_STEP = PathSettings(first_step=1.0)
 """A move under one's hand is short: it is tried as a whole first."""
 

@@ -51,6 +51,10 @@ FEWEST_RUNS_A_THREAD = 16
 """Runs below which another thread costs more than it brings: two packs."""
 
 
+NO_REFERENCE = np.zeros(1)
+"""Tension of a structure of which none is known: no run is held to have lost its own."""
+
+
 class _Kept(local):
     """What a thread keeps of a solver from one call to the next."""
 
@@ -148,7 +152,14 @@ class Solver:
             counts=np.zeros(2, dtype=np.int64),
         )
 
-    def runs(self, stage: StageInputs, stiffness: FloatArray, start: FloatArray, n_runs: int) -> Runs:
+    def runs(
+        self,
+        stage: StageInputs,
+        stiffness: FloatArray,
+        start: FloatArray,
+        n_runs: int,
+        reference: FloatArray = NO_REFERENCE,
+    ) -> Runs:
         """Lay out the runs of a stage as the kernels take them.
 
         Parameters
@@ -161,6 +172,8 @@ class Solver:
             Positions at λ = 0, ``(n_runs | 1, n_nodes, 3)``.
         n_runs
             Number of runs.
+        reference
+            What counts as a tension of the structure, ``(n_runs | 1,)``.
         """
         n, m = self.topology.n_coordinates, self.topology.n_members
         rest_length = np.empty((n_runs, *stage.rest_length.shape[-2:]))
@@ -172,6 +185,7 @@ class Solver:
             loads_start=_rows(stage.loads_start, n),
             loads_rate=_rows(stage.loads_end - stage.loads_start, n),
             support_rate=_rows(stage.positions_end - stage.positions_start, n),
+            reference=reference,
         )
 
     def outcome(self, nodes: FloatArray, n_runs: int, parameter: float | FloatArray = 0.0) -> Outcome:

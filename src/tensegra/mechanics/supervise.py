@@ -31,6 +31,9 @@ _UNDER_WAY = 0  # `Outcome.end` of a run that nothing has stopped yet
 NO_LEAP = 1e-8
 """A fall that moves no node by this share of the size beside what the branch moves is none: it goes on."""
 
+FARTHEST_BEND = 0.05
+"""Share of the size that no branch moves by within the increment of a fall: beyond it is a leap."""
+
 STILL_STIFF = 0.02
 """Share of the first lowest eigenvalue that a smooth loss of stability is far below when located."""
 
@@ -105,7 +108,7 @@ class Supervisor:
         self.solver, self.task, self.n_runs = solver, task, task.n_runs
         self.arrays, self.settings = solver.arrays, solver.settings
         self.reference = np.full(task.n_runs, task.reference)
-        self.runs: Runs = solver.runs(task.stage, task.stiffness, task.start, task.n_runs)
+        self.runs: Runs = solver.runs(task.stage, task.stiffness, task.start, task.n_runs, self.reference)
         self.outcome: Outcome = solver.outcome(task.start, task.n_runs)
         self.gauge = Gauge(solver, task.stage, task.stiffness)
         self.account = Account(task.name, self.gauge, task.n_runs, recorded=task.recorded)
@@ -345,7 +348,10 @@ class Supervisor:
             along = 0.0 if starts else ahead * self.outcome.velocity[run].reshape(-1, 3)
             snap = float(np.linalg.norm(after - start - along, axis=1).max(initial=0.0))
             leaps = snap > NO_LEAP * self.arrays.size
-            if leaps and not starts and not self._has_leapt(run, start, after, float(fallen.parameter[row])):
+            # It makes no word which of the leaps too short for a snap are none: only a list is the shorter.
+            asked = leaps and not starts
+            asked &= snap > SNAP * self.arrays.size or self.account.record is not None
+            if asked and not self._has_leapt(run, start, after, float(fallen.parameter[row])):
                 leaps, snap = False, 0.0
             if leaps or kind == "bifurcation":
                 self.account.note_critical(run, kind, self.outcome, after, snap)
@@ -367,8 +373,12 @@ class Supervisor:
 
     def _has_leapt(self, run: int, before: FloatArray, after: FloatArray, parameter: float) -> bool:
         """Whether no branch leads back from where a run has landed, under the inputs at λ."""
+        if np.abs(after - before).max() > FARTHEST_BEND * self.arrays.size:
+            return True
         stage, stiffness = self.task.stage.of_run(run), self.gauge.stiffness_of(run)
-        tangent = Tangent(self.solver.given, motions=self.gauge.motions, nodes=after)
+        tangent = self.gauge.tangent
+        if len(self.gauge.motions):
+            tangent = Tangent(self.solver.given, motions=self.gauge.motions, nodes=after)
         branch = Branch(tangent, stage, stiffness, self.settings.residual)
         left = before, float(self.outcome.parameter[run])
         return not leads_back(branch, self.gauge.motions, (after, parameter), left)
