@@ -68,7 +68,8 @@ _STYLE: dict[str, Any] = {
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.formatter.useoffset": False,
-    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.limits": (-3, 5),
+    "axes.formatter.use_mathtext": True,
     "grid.color": "#e6e6e6",
     "grid.linewidth": 0.6,
     "legend.frameon": False,
@@ -88,9 +89,23 @@ def styled(make: "Callable[P, Figure]") -> "Callable[P, Figure]":
 
         own: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if key not in _NOT_STYLE}
         with rc_context(own | _STYLE):
-            return make(*args, **kwargs)
+            made = make(*args, **kwargs)
+            _name_powers(made)
+            return made
 
     return in_style
+
+
+def _name_powers(made: "Figure") -> None:
+    """Put the power of ten of an axis into its name; matplotlib writes it over what stands beside."""
+    for axes in made.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            formatter, name = axis.get_major_formatter(), axis.get_label().get_text()
+            formatter.set_locs([float(place) for place in axis.get_majorticklocs()])
+            power = formatter.get_offset()
+            if power and name:
+                axis.set_label_text(f"{name}  {power}")
+                axis.get_offset_text().set_visible(False)
 
 
 _NOT_STYLE = ("backend", "backend_fallback", "interactive", "toolbar", "timezone")
