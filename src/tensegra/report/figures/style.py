@@ -3,7 +3,7 @@
 Figures are made with matplotlib's objects alone; there is no pyplot, no window and no global state.
 """
 
-from functools import wraps
+from functools import lru_cache, wraps
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, ParamSpec
 
@@ -113,10 +113,20 @@ _NOT_STYLE = ("backend", "backend_fallback", "interactive", "toolbar", "timezone
 
 
 def figure(height: float, width: float = WIDTH) -> "Figure":
-    """Return an empty figure of a size in inches."""
+    """Return an empty figure of a size in inches, which a notebook shows as it is."""
+    return _shown_by_notebooks()(figsize=(width, height), layout="constrained")
+
+
+@lru_cache(maxsize=1)
+def _shown_by_notebooks() -> "type[Figure]":
+    """Return the class of all figures; matplotlib's own is shown where pyplot is loaded only."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    class Drawing(Figure):
+        def _repr_png_(self) -> bytes:
+            return _saved(self, "png", {})
+
+    return Drawing
 
 
 def grid(n_panels: int, columns: int = 3, height: float = 2.3) -> "tuple[Figure, list[Axes]]":
