@@ -92,8 +92,8 @@ def test_a_power_of_ten_stands_in_the_name_of_its_axis():
         return made
 
     axes = small().axes[0]
-    assert "10^{−5}" in axes.get_xlabel()
-    assert "10^{7}" in axes.get_ylabel()
+    assert "×10⁻⁵" in axes.get_xlabel()
+    assert "×10⁷" in axes.get_ylabel()
     assert not axes.xaxis.get_offset_text().get_visible()
 
 
