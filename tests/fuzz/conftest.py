@@ -9,9 +9,6 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-LAST_RESORT = 300.0
-"""Seconds after which a call that no signal can interrupt ends the process, with a traceback."""
-
 
 @pytest.fixture(autouse=True)
 def _last_resort():
