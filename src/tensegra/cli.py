@@ -140,7 +140,7 @@ def solve(
             "--temperature",
             "-t",
             metavar="NAME=VALUE",
-            help="Temperature of a member or group, such as top=50.",
+            help="Difference of temperature of a member or group, such as top=50.",
         ),
     ] = None,
     output: Annotated[
@@ -154,14 +154,15 @@ def solve(
 ) -> None:
     """Follow a structure through its stages and then along an actuation."""
     from tensegra.mechanics import solve_path
-    from tensegra.report.references import parse_settings, structure_from
+    from tensegra.report.references import parse_settings, parse_temperatures, structure_from
     from tensegra.report.tables import write_history
     from tensegra.terminal import show_path
 
+    asked = structure_from(structure)
     path = solve_path(
-        structure_from(structure),
+        asked,
         parse_settings(actuation or [], "-a"),
-        parse_settings(temperature or [], "-t"),
+        parse_temperatures(temperature or [], asked),
         settle_start=settle_start,
     )
     if output is not None:

@@ -70,6 +70,8 @@ def show_structure_check(result: "StructureCheck", *, as_json: bool = False) -> 
     _print_table(stage_table(result.path))
     _print_table(event_table(result.path))
     _print_table(member_table(result))
+    if result.path.final.status != "failed":
+        _print_table(reaction_table(result.path.final))
     for line in check_lines(result):
         _print_line(line)
 

@@ -295,7 +295,8 @@ def history_frame(path: EquilibriumPath) -> "pd.DataFrame":
     """Return every accepted step of a history as a row; no row where the first stage failed.
 
     Columns: ``stage``, ``parameter``, ``iterations``, then ``x_<node>``, ``y_<node>``, ``z_<node>`` and
-    ``tension_<member>``. The units stand in the frame's `attrs`, which Parquet keeps.
+    ``T_<member>``, as a field surrogate calls its outputs. The units stand in the frame's `attrs`, which
+    Parquet keeps.
     """
     import pandas as pd
 
@@ -309,7 +310,7 @@ def history_frame(path: EquilibriumPath) -> "pd.DataFrame":
     numbers: dict[str, np.ndarray] = {}
     for n, node in enumerate(structure.node_ids):
         numbers |= {f"{axis}_{node}": nodes[:, n, i] for i, axis in enumerate("xyz")}
-    numbers |= {f"tension_{member}": tensions[:, e] for e, member in enumerate(structure.member_ids)}
+    numbers |= {f"T_{member}": tensions[:, e] for e, member in enumerate(structure.member_ids)}
     frame = pd.DataFrame(steps | numbers)
     frame.attrs = {
         "structure": structure.name,

@@ -1,11 +1,11 @@
 """The variables of a study: what each acts on, its law, and whether the structure can take it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 from tensegra.errors import StudyError
-from tensegra.structure import Structure
+from tensegra.structure import Stage, Structure
 from tensegra.structure.checks import LONGEST_FACTOR
 from tensegra.structure.overlaps import find_overlaps, member_parts
 from tensegra.study.distributions import Distribution, as_distribution
@@ -56,6 +56,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "youngs_modulus": "stress",
     "area": "area",
     "rest_length": "length",
+    "rest_length_error": "ratio",
     "load": "force",
     "position": "length",
     "prestress": "ratio",
@@ -74,6 +75,9 @@ class VariableEntry(OneOf):
     ``youngs_modulus``, ``area``, ``rest_length``
         The value itself, of a material, of a member or group, of a member, before all stages; it
         takes the place of what the structure and the study's `changes` say.
+    ``rest_length_error``
+        Relative error of the rest length of a member, or of all members of a group, before all stages: as
+        it was cut. 0.001 is a thousandth too long.
     ``load``
         Force on a node along an axis, added to the last stage's.
     ``position``
@@ -87,6 +91,7 @@ class VariableEntry(OneOf):
     youngs_modulus: Identifier | None = None
     area: Identifier | None = None
     rest_length: Identifier | None = None
+    rest_length_error: Identifier | None = None
     load: Coordinate | None = None
     position: Coordinate | None = None
     prestress: Prestress | None = None
@@ -180,6 +185,8 @@ def _require_target(variable: Variable, structure: Structure, place: str) -> Non
         expected, known = _targets(variable.quantity, structure)
         if target not in known:
             raise StudyError.at(place, target, expected, candidates=known)
+    if variable.quantity in {"rest_length", "rest_length_error"}:
+        _require_no_length_anew(structure.members_named(str(target)), structure.stages, place)
     if variable.quantity == "area":
         for member in structure.members_named(str(target)):
             if structure.members[member].area is None:
@@ -227,11 +234,17 @@ def _require_prestress(target: Prestress, structure: Structure, place: str) -> N
                 f"a member that stage {target.stage!r} changes",
                 candidates=changed,
             )
-        for stage in (*structure.stages[index:],):
+    _require_no_length_anew(target.members, structure.stages[index:], f"{place}.members")
+
+
+def _require_no_length_anew(members: Sequence[str], stages: Sequence[Stage], place: str) -> None:
+    """Refuse a variable that a later stage makes to be without effect."""
+    for stage in stages:
+        for member in members:
             if member in stage.rest_lengths:
                 raise StudyError(
-                    f"{place}.members: stage {stage.name!r} sets the rest length of {member!r} anew, "
-                    "expected a member on which the prestress still acts"
+                    f"{place}: stage {stage.name!r} sets the rest length of {member!r} anew, "
+                    "expected a member on which the variable still acts"
                 )
 
 
@@ -264,7 +277,7 @@ def _factors(variable: Variable, structure: Structure, value: float) -> list[flo
     match variable.quantity:
         case "actuator":
             return [structure.actuators[str(variable.target)].factor(value)]
-        case "prestress":
+        case "prestress" | "rest_length_error":
             return [1.0 + value]
         case "temperature":
             members = (structure.members[name] for name in structure.members_named(str(variable.target)))
@@ -319,6 +332,6 @@ def _changed_parts(variable: Variable, structure: Structure) -> list[str]:
         return [f"member {member!r} in stage {target.stage!r}" for member in target.members]
     if isinstance(target, Coordinate):
         return [f"node {target.node} along {target.axis}"]
-    if variable.quantity == "area":
+    if variable.quantity in {"area", "rest_length_error"}:
         return member_parts(structure, target)
     return [repr(target)]

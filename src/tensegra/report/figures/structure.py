@@ -84,20 +84,21 @@ def shape_figure(structure: Structure, reference: Array, shapes: Mapping[str, Ar
     everything = np.concatenate([reference, *shapes.values()])
     width = 1.0 / len(shapes)
     for i, (title, nodes) in enumerate(shapes.items()):
-        axes = _axes_in_space(made, (i * width, 0.46, 0.86 * width, 0.5))
+        axes = _axes_in_space(made, (i * width, 0.46, 0.84 * width, 0.5))
         _draw_in_space(axes, structure, reference, colour="#bdbdbd")
         _draw_in_space(axes, structure, nodes)
-        _frame(axes, structure, everything, zoom=1.1)
+        _frame(axes, structure, everything, zoom=1.02)
         made.text((i + 0.5) * width, 0.965, title, ha="center", fontsize=9)
     for column, (first, second) in enumerate(((0, 2), (0, 1))):
         flat = made.add_axes((0.09 + 0.5 * column, 0.09, 0.395, 0.31))
         _draw_flat(flat, structure, reference[:, (first, second)], GREY, "reference")
         for (title, nodes), colour in zip(shapes.items(), COLOURS, strict=False):
-            _draw_flat(flat, structure, nodes[:, (first, second)], colour, title)
+            _draw_flat(flat, structure, nodes[:, (first, second)], colour, title.partition(":")[0])
         flat.set_aspect("equal", adjustable="datalim")
         flat.set_xlabel(labelled("xyz"[first], structure.units.length))
         flat.set_ylabel(labelled("xyz"[second], structure.units.length))
-    made.legend(*made.axes[-1].get_legend_handles_labels(), loc=(0.3, 0.415), ncols=1 + len(shapes))
+    names = made.axes[-1].get_legend_handles_labels()
+    made.legend(*names, loc="center", bbox_to_anchor=(0.5, 0.43), ncols=1 + len(shapes))
     return made
 
 
