@@ -302,8 +302,8 @@ class EquilibriumPath:
     def to_dataframe(self) -> "pd.DataFrame":
         """Return every accepted step as a row; no row where the first stage failed.
 
-        Columns are ``stage``, ``parameter`` and ``iterations``, then ``<node>.x|y|z`` in the unit of
-        length and ``T.<member>`` in the unit of force.
+        Columns are ``stage``, ``parameter`` and ``iterations``, then ``x|y|z_<node>`` in the unit of
+        length and ``T_<member>`` in the unit of force.
         """
         import pandas as pd
 
@@ -314,9 +314,9 @@ class EquilibriumPath:
         }
         nodes, tensions = history_arrays(self.structure, self.history)
         coordinates = nodes.reshape(len(nodes), 3 * self.structure.n_nodes)
-        names = [f"{node}.{axis}" for node in self.structure.nodes for axis in AXES]
+        names = [f"{axis}_{node}" for node in self.structure.nodes for axis in AXES]
         columns |= dict(zip(names, coordinates.T, strict=True))
-        columns |= dict(zip((f"T.{member}" for member in self.structure.members), tensions.T, strict=True))
+        columns |= dict(zip((f"T_{member}" for member in self.structure.members), tensions.T, strict=True))
         return pd.DataFrame(columns)
 
     def to_xarray(self) -> Any:  # noqa: ANN401 - an xarray.Dataset; xarray is an extra
