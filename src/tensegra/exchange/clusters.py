@@ -37,7 +37,8 @@ def path_of(segments: NDArray[np.int64], place: str) -> list[int]:
     if np.array_equal(segments[:-1, 1], segments[1:, 0]):
         return [int(segments[0, 0]), *map(int, segments[:, 1])]
     at_node: dict[int, list[int]] = {}
-    for s, pair in enumerate(segments.tolist()):
+    # Taken from their ends: the first segment first.
+    for s, pair in reversed([*enumerate(segments.tolist())]):
         for node in pair:
             at_node.setdefault(node, []).append(s)
     odd = [node for node, touching in at_node.items() if len(touching) % 2]

@@ -65,46 +65,53 @@ def content_of(values: Values, source: str) -> Content:
                 values.setdefault(name, values[other])
     if "N" not in values:
         raise ModelError.at(source, ", ".join(values) or "no matrix", "the matrix N of the nodes, 3 × n")
-    pairs, n_bars, n_columns = _connectivity(values, source)
+    pairs, is_bar, n_columns = _connectivity(values, source)
     nodes = _nodes(values["N"], n_columns, source)
     ids = _texts(values, "node_ids", len(nodes), [str(n + 1) for n in range(len(nodes))], source)
     if len(pairs) == 0 or pairs.max() >= len(nodes):
         found = f"{len(pairs)} rows of C" if len(pairs) == 0 else f"node {pairs.max() + 1}"
         raise ModelError.at(f"{source}: C", found, f"members that join some of the {len(nodes)} nodes of N")
     clusters = _clusters(values, len(pairs), source)
-    members, materials = _members(values, pairs, n_bars, clusters, ids, source)
+    members, materials = _members(values, pairs, is_bar, clusters, ids, source)
+    # A program may have nodes to draw by, which no member of C touches.
+    touched = {node for member in members.values() for node in member["nodes"]}
+    supports = _supports(values, ids, source)
     return {
-        "nodes": dict(zip(ids, nodes.tolist(), strict=True)),
+        "nodes": {node: place for node, place in zip(ids, nodes.tolist(), strict=True) if node in touched},
         "members": members,
         "materials": materials,
-        "supports": _supports(values, ids, source),
+        "supports": {node: axes for node, axes in supports.items() if node in touched},
     }
 
 
-def _connectivity(values: Values, source: str) -> tuple[NDArray[np.int64], int, int | None]:
-    """Return the nodes of all segments, bars first, how many are bars, and for how many nodes C is made."""
-    parts, n_columns = [], None
-    for name in ("C_b", "C_s"):
+def _connectivity(values: Values, source: str) -> tuple[NDArray[np.int64], NDArray[np.bool_], int | None]:
+    """Return the nodes of all segments, which of them are bars, and for how many nodes C is made.
+
+    Where C is more than C_b over C_s, it has the order of all vectors, or is the part that is computed
+    with, the rest being drawn only.
+    """
+    parts: dict[str, NDArray[np.int64]] = {}
+    n_columns = None
+    for name in ("C", "C_b", "C_s"):
         given = name if name in values else f"{name}_in"
         if given in values and np.size(values[given]):
-            found, columns = _pairs(values[given], f"{source}: {given}")
+            parts[name], columns = _pairs(values[given], f"{source}: {given}")
             n_columns = columns or n_columns
-            parts.append(found)
-        else:
-            parts.append(np.zeros((0, 2), dtype=np.int64))
-    if any(len(part) for part in parts):
-        return np.concatenate(parts), len(parts[0]), n_columns
-    if "C" not in values or "index_b" not in values:
-        known = ", ".join(values)
-        raise ModelError.at(
-            source, known, "C_b and C_s, or C with index_b: which members are bars and which strings"
-        )
-    pairs, n_columns = _pairs(values["C"], f"{source}: C")
-    bars = _indices(values["index_b"], len(pairs), f"{source}: index_b")
-    # Bars first, as everywhere else; the vectors over C keep its order.
-    if not np.array_equal(np.sort(bars), np.arange(len(bars))):
-        raise ModelError.at(f"{source}: index_b", bars + 1, "the first rows of C: bars over strings")
-    return pairs, len(bars), n_columns
+    none = np.zeros((0, 2), dtype=np.int64)
+    bars, strings = parts.get("C_b", none), parts.get("C_s", none)
+    both = np.concatenate([bars, strings])
+    C = parts.get("C", both)
+    if len(both) and np.array_equal(C, both):
+        return both, np.arange(len(both)) < len(bars), n_columns
+    ends = [{tuple(sorted(pair)) for pair in part.tolist()} for part in (bars, strings)]
+    if len(both) and not ends[0] & ends[1]:
+        return C, np.array([tuple(sorted(pair)) in ends[0] for pair in C.tolist()]), n_columns
+    if len(C) and "index_b" in values:
+        is_bar = np.zeros(len(C), dtype=np.bool_)
+        is_bar[_indices(values["index_b"], len(C), f"{source}: index_b")] = True
+        return C, is_bar, n_columns
+    expected = "C_b and C_s, or C with index_b: which members are bars and which strings"
+    raise ModelError.at(source, ", ".join(values), expected)
 
 
 def _pairs(value: Any, place: str) -> tuple[NDArray[np.int64], int | None]:  # noqa: ANN401 — dense or sparse
@@ -149,7 +156,7 @@ def _clusters(values: Values, n_segments: int, source: str) -> list[NDArray[np.i
     """Return the rows of C that make each member, in the order of the rows of S."""
     from scipy.sparse import issparse
 
-    if "S" not in values or not np.size(values["S"]):
+    if not _clusters_members(values.get("S")):
         return [np.array([row]) for row in range(n_segments)]
     S = values["S"]
     if issparse(S):
@@ -166,10 +173,20 @@ def _clusters(values: Values, n_segments: int, source: str) -> list[NDArray[np.i
     return [np.flatnonzero(row) for row in S]
 
 
+def _clusters_members(S: Any) -> bool:  # noqa: ANN401 — whatever the file has
+    """Tell whether a matrix S is of zeros and ones; the same programs call singular values S, too."""
+    from scipy.sparse import issparse
+
+    if S is None or not np.size(S):
+        return False
+    numbers = np.asarray(S.data if issparse(S) else S)  # type: ignore[attr-defined]
+    return numbers.dtype.kind in "biuf" and bool(np.isin(numbers, (0.0, 1.0)).all())
+
+
 def _members(
     values: Values,
     pairs: NDArray[np.int64],
-    n_bars: int,
+    is_bar: NDArray[np.bool_],
     clusters: list[NDArray[np.int64]],
     ids: list[str],
     source: str,
@@ -182,14 +199,14 @@ def _members(
     counts = {"strut": 0, "cable": 0}
     members: dict[str, Content] = {}
     materials: dict[float, str] = {}
-    kinds = ["strut" if rows[0] < n_bars else "cable" for rows in clusters]
+    kinds = ["strut" if is_bar[rows].any() else "cable" for rows in clusters]
     names = []
     for kind in kinds:
         counts[kind] += 1
         names.append(f"{kind[0]}{counts[kind]}")
     names = _texts(values, "member_ids", len(clusters), names, source)
     for k, rows in enumerate(clusters):
-        if len(rows) > 1 and rows[0] < n_bars:
+        if len(rows) > 1 and is_bar[rows].any():
             raise ModelError.at(
                 f"{source}: S, row {k + 1}", "a bar among several", "bars alone in their rows"
             )

@@ -1,10 +1,11 @@
 """The matrices of a .mat or .npz file by their names: only those wanted, and none too large."""
 
+import warnings
 import zipfile
+import zlib
 from collections.abc import Iterable, Mapping
-from math import prod
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,6 +16,12 @@ __all__ = ["load_mat", "load_npz"]
 
 Values = Mapping[str, Any]
 
+HEADER, TAG = 128, 8
+"""Bytes of the head of a MATLAB file of version 5 to 7, and of what stands before each variable."""
+
+COMPRESSED = 15
+"""Type of a variable that is packed by zlib; its own tag says how large it is."""
+
 
 def load_mat(path: Path, wanted: Iterable[str]) -> Values:
     """Return the matrices of a MATLAB file of version 4 to 7.
@@ -24,28 +31,31 @@ def load_mat(path: Path, wanted: Iterable[str]) -> Values:
     Raises
     ------
     ModelError
-        It is no such file, or a matrix in it is too large.
+        It is no such file, or a variable in it is too large.
     """
-    from scipy.io import loadmat, whosmat
+    from scipy.io import loadmat
 
     require_file(path)
+    wanted = set(wanted)
     try:
-        listed = whosmat(path)
-        _require_size(path.name, {name: shape for name, shape, _ in listed})
-        names = [name for name, _, _ in listed]
-        if "N" in names:
-            return dict(loadmat(path, variable_names=[name for name in wanted if name in names]))
-        structs = [name for name, _, kind in listed if kind == "struct"]
-        for name, value in loadmat(path, variable_names=structs, simplify_cells=True).items():
-            if name in structs and isinstance(value, dict) and "N" in value:
-                return {key: item for key, item in value.items() if key in set(wanted)}
+        _require_sizes(path)
+        with warnings.catch_warnings():
+            # Of variables that nobody asked for, such as functions that all have the same name.
+            warnings.simplefilter("ignore")
+            found = _named(loadmat(path, variable_names=list(wanted)), wanted)
+            if "N" in found:
+                return found
+            everything = loadmat(path, simplify_cells=True)
     except NotImplementedError:
         raise ModelError.at(path.name, "MATLAB's version 7.3", "version 7: save(..., '-v7')") from None
     except MemoryError:
         raise
     except Exception as error:  # noqa: BLE001 — SciPy tells a broken file by whatever its reader trips over
         raise _broken(path, "MATLAB's matrices", error) from None
-    return dict.fromkeys(names)
+    for value in everything.values():
+        if isinstance(value, dict) and "N" in value:
+            return _named(value, wanted)
+    return {name: None for name in everything if not name.startswith("__")}
 
 
 def load_npz(path: Path, wanted: Iterable[str]) -> Values:
@@ -59,21 +69,43 @@ def load_npz(path: Path, wanted: Iterable[str]) -> Values:
     require_file(path)
     try:
         with zipfile.ZipFile(path) as archive:
-            _require_size(path.name, {file.filename: (file.file_size // 8,) for file in archive.infolist()})
+            for file in archive.infolist():
+                _require_size(f"{path.name}: {file.filename}", file.file_size)
         with np.load(path, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files if name in set(wanted)}
+            return _named({name: archive[name] for name in archive.files if name in set(wanted)}, set(wanted))
     except MemoryError:
         raise
-    except Exception as error:
-        if isinstance(error, ModelError):
-            raise
+    except Exception as error:  # noqa: BLE001 — as above
         raise _broken(path, "an archive of NumPy's arrays", error) from None
 
 
-def _require_size(source: str, shapes: Mapping[str, tuple[int, ...]]) -> None:
-    for name, shape in shapes.items():
-        if prod(shape) > MOST_NUMBERS:
-            raise ModelError.at(f"{source}: {name}", f"{prod(shape)} numbers", f"at most {MOST_NUMBERS}")
+def _named(values: Mapping[str, Any], wanted: set[str]) -> Values:
+    return {name: value for name, value in values.items() if name in wanted}
+
+
+def _require_sizes(path: Path) -> None:
+    """Refuse a file of version 5 to 7 with a variable that is larger, unpacked, than any structure's.
+
+    SciPy lists the sizes, too, but of no file that holds a function.
+    """
+    with path.open("rb") as file:
+        head = file.read(HEADER)
+        if len(head) < HEADER or head[126:128] not in {b"IM", b"MI"}:
+            return
+        order: Literal["little", "big"] = "little" if head[126:128] == b"IM" else "big"
+        while len(tag := file.read(TAG)) == TAG:
+            kind, size = (int.from_bytes(tag[i : i + 4], order) for i in (0, 4))
+            if kind == COMPRESSED:
+                start = file.tell()
+                inner = zlib.decompressobj().decompress(file.read(min(size, 512)), TAG)
+                _require_size(path.name, int.from_bytes(inner[4:8], order))
+                file.seek(start)
+            file.seek(size, 1)
+
+
+def _require_size(place: str, n_bytes: int) -> None:
+    if n_bytes > 8 * MOST_NUMBERS:
+        raise ModelError.at(place, f"{n_bytes} bytes", f"at most {8 * MOST_NUMBERS} bytes of one matrix")
 
 
 def _broken(path: Path, what: str, error: Exception) -> ModelError:

@@ -29,13 +29,16 @@ def read(path: Path, said: Said) -> Content:  # noqa: ARG001 — what is said fi
     mujoco = library("mujoco", "MuJoCo XML")
     require_file(path)
     _require_plain(path)
+    # It writes its warnings into a file of the working folder, unless somebody listens.
+    mujoco.set_mju_user_warning(lambda _warning: None)
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
     except (ValueError, mujoco.FatalError) as error:
         raise ModelError(f"{path.name}: MuJoCo refuses it ({' '.join(str(error).split())[:300]})") from None
-    data = mujoco.MjData(model)
-    data.qpos[:] = model.qpos0
-    mujoco.mj_forward(model, data)
+    finally:
+        mujoco.set_mju_user_warning(None)
     return _Reader(mujoco, model, data, path.name).content()
 
 
@@ -110,7 +113,7 @@ class _Reader:
         radius, half = (float(size) for size in self._model.geom_size[geom, :2])
         along = half * self._data.geom_xmat[geom].reshape(3, 3)[:, 2]
         body = int(self._model.geom_bodyid[geom])
-        nodes = [self._node(self._data.geom_xpos[geom] + sign * along, body) for sign in (-1.0, 1.0)]
+        nodes = [self._node(self._data.geom_xpos[geom] + sign * along, body) for sign in (1.0, -1.0)]
         self._ends.setdefault(body, []).extend((node, radius) for node in nodes)
         return self._name("GEOM", geom), {"kind": "strut", "nodes": nodes, "rest_length": 2.0 * half}
 

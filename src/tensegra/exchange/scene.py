@@ -129,6 +129,8 @@ def _of_path(path: EquilibriumPath) -> Scene:
             tensions[i],
         )
         for i, point in enumerate(path.history)
+        # A later stage begins where the one before it ended.
+        if i == 0 or point.parameter > 0.0
     ]
     final = path.final
     if np.isfinite(final.nodes).all():
