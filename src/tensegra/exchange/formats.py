@@ -9,6 +9,7 @@ from tensegra.exchange import compas, datafiles, dxf, gltf, matrices, mujoco_rea
 from tensegra.exchange.datasets import Dataset, dataset_of_scene
 from tensegra.exchange.said import Content, Said
 from tensegra.exchange.scene import Scene
+from tensegra.structure.load import LOADERS
 
 __all__ = ["FORMATS", "Format", "format_for"]
 
@@ -93,5 +94,6 @@ def format_for(path: Path, name: str | None = None, *, can: str = "read or write
         # A .json without more words is a structure's own.
         if form.suffix == path.suffix.lower() and form.name != "compas":
             return form
-    known = [form.suffix for form in able]
-    raise ModelError.at(path.name, path.suffix, f"a file to {can} named {', '.join(known)}", candidates=known)
+    others = dict.fromkeys(form.suffix for form in able if form.name != "compas")
+    expected = f"a file named .yaml, .yml or .json, or of another program, to {can}: {', '.join(others)}"
+    raise ModelError.at(path.name, path.suffix, expected, candidates=(*LOADERS, *others))
