@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tensegra.cli import main
-from tensegra.exchange import FORMATS
+from tensegra.exchange.formats import FORMATS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "exchange.md").read_text(encoding="utf-8")
 

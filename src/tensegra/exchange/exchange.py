@@ -2,22 +2,20 @@
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 from tensegra.errors import ModelError
-from tensegra.exchange.compas import is_compas
-from tensegra.exchange.datasets import dataset_of_batch, dataset_of_campaign
-from tensegra.exchange.formats import FORMATS, format_for
-from tensegra.exchange.said import Said, structure_of
-from tensegra.exchange.scene import scene_of
-from tensegra.mechanics import Batch, EquilibriumPath
 from tensegra.structure import Structure, write_structure
 from tensegra.structure import read_structure as read_own
 from tensegra.structure.load import LOADERS
-from tensegra.study import Campaign
+
+if TYPE_CHECKING:
+    from tensegra.mechanics import Batch, EquilibriumPath
+    from tensegra.study import Campaign
 
 __all__ = ["Saved", "read_structure", "save"]
 
-Saved = Structure | EquilibriumPath | Batch | Campaign
+Saved: TypeAlias = "Structure | EquilibriumPath | Batch | Campaign"
 
 Quantity = float | str
 
@@ -64,9 +62,18 @@ def read_structure(
     tensegra.errors.ModelError: beam.yml: no such file
     """
     path = Path(path)
+    suffix = path.suffix.lower()
+    # A structure file needs none of the formats, nor the compiled mechanics that they write.
+    nothing_said = not any((format, unit, force_unit, strut_stiffness, cable_stiffness, struts, cables))
+    if nothing_said and suffix in LOADERS and suffix != ".json":
+        return read_own(path)
+    from tensegra.exchange.compas import is_compas
+    from tensegra.exchange.formats import format_for
+    from tensegra.exchange.said import Said, structure_of
+
     said = Said(unit, force_unit, strut_stiffness, cable_stiffness, tuple(struts), tuple(cables))
-    if format is None and path.suffix.lower() in LOADERS:
-        if path.suffix.lower() != ".json" or not path.is_file() or not is_compas(path):
+    if format is None and suffix in LOADERS:
+        if suffix != ".json" or not path.is_file() or not is_compas(path):
             if said != Said():
                 raise ModelError(f"{path.name}: a structure file says its units and stiffnesses itself")
             return read_own(path)
@@ -91,6 +98,12 @@ def save(what: Saved, path: str | os.PathLike[str], format: str | None = None) -
     if isinstance(what, Structure) and format is None and path.suffix.lower() in LOADERS:
         write_structure(what, path)
         return
+    from tensegra.exchange.datasets import dataset_of_batch, dataset_of_campaign
+    from tensegra.exchange.formats import FORMATS, format_for
+    from tensegra.exchange.scene import scene_of
+    from tensegra.mechanics import Batch
+    from tensegra.study import Campaign
+
     form = format_for(path, format, can="write")
     if isinstance(what, Batch | Campaign) and form.write_runs is not None:
         form.write_runs(

@@ -96,6 +96,8 @@ def _placed(start: NDArray[np.float64], end: NDArray[np.float64], radius: float)
     """Return what brings the unit cylinder along z from one point to another."""
     along = end - start
     length = float(np.linalg.norm(along))
+    if length == 0.0:  # its ends have met
+        return {"translation": start.tolist(), "scale": [radius, radius, 0.0]}
     x, y, z = along / length
     # Half of the turn from z to the direction; straight down there are many, about any horizontal axis.
     turn = np.array([-y, x, 0.0, 1.0 + z]) if z > -1.0 + 1e-12 else np.array([1.0, 0.0, 0.0, 0.0])

@@ -10,7 +10,9 @@ import pytest
 from scipy.io import loadmat, netcdf_file
 
 import tensegra as tg
-from tensegra.structure import library
+from tensegra.exchange.formats import format_for
+from tensegra.exchange.scene import Frame, Scene
+from tensegra.structure import Member, Structure, library
 
 RELAXED = 1e-6
 """Distance from our nodes, as a share of the size, at which another program's relaxation has arrived."""
@@ -231,3 +233,22 @@ def test_figures_are_pictures(beam_path, tmp_path):
     assert ET.parse(tmp_path / "a.svg").getroot().tag.endswith("svg")  # noqa: S314 — our own
     library.prism().save(tmp_path / "a.pdf")
     assert (tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize("suffix", ["gltf", "vtu", "xml", "mat", "json"])
+def test_ends_that_have_met_are_written(suffix, tmp_path):
+    structure = Structure(
+        name="fold",
+        nodes={1: (0, 0, 0), 2: (1, 0, 0), 3: (0, 0, 0), 4: (0, 0, -1)},
+        members={
+            "k": Member("cable", (1, 2, 3), rest_length=1.0, stiffness=10.0),
+            "s": Member("strut", (3, 4), rest_length=1.0, stiffness=10.0),
+        },
+        supports={1: "xyz", 4: "xyz"},
+    )
+    frame = Frame("met", 0.0, "stable", np.zeros((4, 3)), np.zeros(2))
+    ones = np.ones(2)
+    scene = Scene(structure, (frame,), ones, ones, np.zeros((4, 3)))
+    form = format_for(tmp_path / f"a.{suffix}", "compas" if suffix == "json" else None, can="write")
+    form.write(scene, tmp_path / f"a.{suffix}")
+    assert (tmp_path / f"a.{suffix}").stat().st_size > 500

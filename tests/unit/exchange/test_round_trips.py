@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import tensegra as tg
-from tensegra.exchange import FORMATS
+from tensegra.exchange.formats import FORMATS
 from tensegra.structure import Member, Structure, library
 from tensegra.structure.structure import path_length
 
