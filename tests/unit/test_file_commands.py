@@ -226,6 +226,17 @@ def _bomb(file):
     file.write_bytes(head + (15).to_bytes(4, "little") + len(packed).to_bytes(4, "little") + packed)
 
 
+def _spoilt_cells(file):
+    """Write names in cells that are noise, at which SciPy's reader may end by a fault of memory."""
+    library.prism(clustered=True).save(file)
+    content = bytearray(file.read_bytes())
+    at = content.index(b"member_ids")
+    random = np.random.default_rng(3)
+    for place in random.integers(at + 16, at + 200, 40):
+        content[place] = random.integers(256)
+    file.write_bytes(content)
+
+
 def _pickled(file):
     np.savez(file, N=np.array([{"a": 1}], dtype=object), allow_pickle=True)
 
@@ -241,6 +252,7 @@ HOSTILE = {
     "v73.mat": lambda file: file.write_bytes(b"MATLAB 7.3".ljust(124) + b"\x00\x02IM\x89HDF\r\n\x1a\n"),
     "bomb.mat": _bomb,
     "cut.mat": _cut,
+    "spoilt.mat": _spoilt_cells,
     "pickled.npz": _pickled,
     "noise.npz": lambda file: file.write_bytes(b"PK\x03\x04" + bytes(100)),
     "noise.dxf": lambda file: file.write_bytes(bytes(range(256))),

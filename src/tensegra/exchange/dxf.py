@@ -6,6 +6,7 @@ Names of nodes and members, rest lengths and stiffnesses travel as extended data
 TENSEGRA, which every program keeps and none shows.
 """
 
+import logging
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -38,12 +39,19 @@ def read(path: Path, said: Said) -> Content:
     """Read the lines and polylines of a drawing's model space."""
     ezdxf = library("ezdxf", "DXF")
     require_file(path)
+    log = logging.getLogger("ezdxf")
+    level = log.level
+    log.setLevel(logging.CRITICAL)  # one message is enough
     try:
         drawing = ezdxf.readfile(path)
-    except (ezdxf.DXFError, OSError, ValueError, LookupError, TypeError, AttributeError) as error:
-        reason = " ".join(str(error).split())[:200]
+        lines = list(_lines(drawing, said, path.name))
+    except (ModelError, MemoryError):
+        raise
+    except Exception as error:  # noqa: BLE001 — ezdxf tells a broken file by whatever it trips over
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise ModelError(f"{path.name}: this is not a drawing in DXF ({reason})") from None
-    lines = list(_lines(drawing, said, path.name))
+    finally:
+        log.setLevel(level)
     if not lines:
         raise ModelError.at(path.name, "no lines in the model space", "a line for each member")
     points = np.array([point for _, _, line in lines for point in line], dtype=np.float64)

@@ -1,6 +1,5 @@
 """The matrices of a .mat or .npz file by their names: only those wanted, and none too large."""
 
-import warnings
 import zipfile
 import zlib
 from collections.abc import Iterable, Mapping
@@ -11,6 +10,7 @@ import numpy as np
 
 from tensegra.errors import ModelError
 from tensegra.exchange.files import MOST_NUMBERS, require_file
+from tensegra.exchange.matlabload import MatlabFileError, load
 
 __all__ = ["load_mat", "load_npz"]
 
@@ -33,29 +33,12 @@ def load_mat(path: Path, wanted: Iterable[str]) -> Values:
     ModelError
         It is no such file, or a variable in it is too large.
     """
-    from scipy.io import loadmat
-
     require_file(path)
-    wanted = set(wanted)
     try:
         _require_sizes(path)
-        with warnings.catch_warnings():
-            # Of variables that nobody asked for, such as functions that all have the same name.
-            warnings.simplefilter("ignore")
-            found = _named(loadmat(path, variable_names=list(wanted)), wanted)
-            if "N" in found:
-                return found
-            everything = loadmat(path, simplify_cells=True)
-    except NotImplementedError:
-        raise ModelError.at(path.name, "MATLAB's version 7.3", "version 7: save(..., '-v7')") from None
-    except MemoryError:
-        raise
-    except Exception as error:  # noqa: BLE001 — SciPy tells a broken file by whatever its reader trips over
+        return load(path, wanted)
+    except (MatlabFileError, OSError, zlib.error) as error:
         raise _broken(path, "MATLAB's matrices", error) from None
-    for value in everything.values():
-        if isinstance(value, dict) and "N" in value:
-            return _named(value, wanted)
-    return {name: None for name in everything if not name.startswith("__")}
 
 
 def load_npz(path: Path, wanted: Iterable[str]) -> Values:
@@ -92,6 +75,8 @@ def _require_sizes(path: Path) -> None:
         head = file.read(HEADER)
         if len(head) < HEADER or head[126:128] not in {b"IM", b"MI"}:
             return
+        if 2 in head[124:126]:
+            raise ModelError.at(path.name, "MATLAB's version 7.3", "version 7: save(..., '-v7')")
         order: Literal["little", "big"] = "little" if head[126:128] == b"IM" else "big"
         while len(tag := file.read(TAG)) == TAG:
             kind, size = (int.from_bytes(tag[i : i + 4], order) for i in (0, 4))
