@@ -104,7 +104,7 @@ def structures(draw):
 
 @pytest.mark.parametrize("form", TWO_WAYS, ids=lambda form: form.name)
 @settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, *HealthCheck]
+    max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, *HealthCheck]
 )
 @given(structure=structures())
 def test_any_names_and_numbers_come_back(form, structure, tmp_path):
