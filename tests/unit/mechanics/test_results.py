@@ -218,7 +218,7 @@ def test_history_as_a_table(bent):
     assert table["stage"].unique().tolist() == ["prestress", "actuation"]
     last = table.iloc[-1]
     assert last["parameter"] == 1.0
-    assert last["23.z"] == bent.final.node("23")[2]
+    assert last["z_23"] == bent.final.node("23")[2]
     assert last["T_K1"] == pytest.approx(bent.final.tension("K1"), rel=1e-12)
 
 
