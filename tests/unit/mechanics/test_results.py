@@ -256,7 +256,7 @@ def test_a_stage_found_in_one_go_has_its_end_in_the_history():
 def test_every_history_ends_where_the_path_does(name):
     found = solve_path(getattr(library, name)())
     last = found.to_dataframe().iloc[-1]
-    nodes = last[[f"{node}.{axis}" for node in found.structure.nodes for axis in "xyz"]]
+    nodes = last[[f"{axis}_{node}" for node in found.structure.nodes for axis in "xyz"]]
     np.testing.assert_allclose(nodes.to_numpy(dtype=float), found.final.nodes.ravel(), rtol=0, atol=0)
 
 
