@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from tensegra.report.paper import reproduce
-from tensegra.report.paper.comparison import comparison_table, markdown_rows
-from tensegra.report.paper.reproduction import CHAPTERS
+from tensegra_paper import reproduce
+from tensegra_paper.comparison import comparison_table, markdown_rows
+from tensegra_paper.making import CHAPTERS
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "reproduction.md"
 

@@ -1,0 +1,23 @@
+import numpy as np
+import pytest
+
+from tensegra_paper.chapters.shapes.chapter import find_pair, shapes
+from tensegra_paper.setting import STRUCTURES, Setting
+
+
+@pytest.mark.parametrize("beam", STRUCTURES)
+def test_different_increments_end_in_different_shapes(tmp_path, beam):
+    pair = find_pair(Setting(tmp_path, beam))
+    regular, irregular = (pair.stepped[i].final for i in (pair.regular, pair.irregular))
+    np.testing.assert_allclose(regular.nodes, pair.robust.final.nodes, atol=1e-3)
+    assert np.linalg.norm(irregular.nodes - regular.nodes, axis=1).max() > 1.0
+    assert regular.succeeded
+    # It is an equilibrium that was found, not a diverged iterate.
+    assert irregular.residual <= 1e-9
+
+
+def test_the_chapter_says_what_holds(tmp_path):
+    chapter = shapes(Setting(tmp_path))
+    assert all(row.holds for row in chapter.rows)
+    assert [figure.name for figure in chapter.figures][:2] == ["fig-03-structure", "fig-03-views"]
+    assert len(chapter.tables[0].rows) == 9
