@@ -127,6 +127,8 @@ def show_path(path: "EquilibriumPath", *, as_json: bool = False) -> None:
     free = path.final.rigid_motions
     if free:
         print_line(f"Free, held by neither supports nor loads: {', '.join(free)}.")
+    for warning in path.final.warnings:
+        print_line(f"Warning: {warning}.")
     reason = f": {path.reason}" if path.reason else ""
     print_line(f"The history is {path.status}{reason}.")
 

@@ -31,6 +31,7 @@ from tensegra.mechanics.status import (
     index_of,
     names_in,
 )
+from tensegra.mechanics.strains import strain_warning
 from tensegra.mechanics.tangent import Tangent
 from tensegra.savable import Savable
 from tensegra.structure import Structure
@@ -118,6 +119,22 @@ class Equilibrium:
         """Tension of a member, unit of force."""
         return float(self.tensions[index_of(self.structure.members, member, "member")])
 
+    @property
+    def strains(self) -> FloatArray:
+        """Strain T/EA of each member, tension positive, shape ``(n_members,)``; zero for slack cables."""
+        return self.tensions / self.arrays.stiffness
+
+    @property
+    def largest_strain(self) -> float:
+        """Largest strain of a member in magnitude; NaN where failed."""
+        return float(np.abs(self.strains).max())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the equilibrium doubtful although it is one, in sentences: strains beyond the law."""
+        found = strain_warning(self.structure, self.strains)
+        return (found,) if found else ()
+
     @cached_property
     def reactions(self) -> FloatArray:
         """Forces of the supports on the structure, ``(n_nodes, 3)``; zero where nothing holds.
@@ -171,6 +188,8 @@ class Equilibrium:
             "mechanisms": [list(nodes) for nodes in self.mechanisms],
             "rigid_motions": list(self.rigid_motions),
             "utilisation": {} if failed else self.utilisation,
+            "largest_strain": _finite(self.largest_strain),
+            "warnings": list(self.warnings),
         }
 
     def _reactions_by_node(self) -> dict[str, list[float]]:

@@ -192,6 +192,7 @@ def stage_table(path: EquilibriumPath) -> Table:
         "Iterations",
         "Residual",
         f"Lowest eigen-\nvalue [{units.of('force per length')}]",
+        "Largest\nstrain [%]",
         "Slack",
     )
     equilibria = [*path.stages, *([] if path.actuation is None else [path.actuation])]
@@ -203,11 +204,12 @@ def stage_table(path: EquilibriumPath) -> Table:
             equilibrium.iterations,
             number(equilibrium.residual, 2),
             number(equilibrium.lowest_eigenvalue, 5),
+            number(100.0 * equilibrium.largest_strain, 3),
             len(equilibrium.slack_members),
         )
         for equilibrium in equilibria
     ]
-    return Table.of("Equilibria", header, rows, "lsrrrrr")
+    return Table.of("Equilibria", header, rows, "lsrrrrrr")
 
 
 def event_table(path: EquilibriumPath) -> Table:

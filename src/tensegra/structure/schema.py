@@ -120,6 +120,8 @@ class MaterialSchema(_Schema):
     """Weight of a volume, which acts where `gravity` is not zero."""
     thermal_expansion: Expansion = 0.0
     """Strain for each degree of temperature difference."""
+    strain_limit: Ratio | None = None
+    """Largest strain up to which the linear law is trusted; 5 % where left out."""
 
 
 class MemberSchema(_Schema):

@@ -21,7 +21,7 @@ from tensegra.savable import Savable
 from tensegra.structure.checks import find_problems
 from tensegra.structure.coerce import Vector, by_id, name_of, sorted_axes, store, vector
 from tensegra.structure.frozen import FrozenMapping
-from tensegra.structure.parts import Actuator, Material, Member, Stage
+from tensegra.structure.parts import STRAIN_LIMIT, Actuator, Material, Member, Stage
 from tensegra.structure.problems import InvalidStructureError
 from tensegra.units import Units
 
@@ -185,6 +185,12 @@ class Structure(Savable):
         if member.material is None or member.area is None:
             return 0.0
         return self.materials[member.material].weight * member.area
+
+    def strain_limit(self, member_id: str | int) -> float:
+        """Return the strain up to which a member's linear law is trusted."""
+        material = self.members[str(member_id)].material
+        limit = None if material is None else self.materials[material].strain_limit
+        return STRAIN_LIMIT if limit is None else limit
 
     def thermal_expansion(self, member_id: str | int) -> float:
         """Return the strain of a member per degree; 0 without a material."""

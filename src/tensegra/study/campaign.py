@@ -39,7 +39,8 @@ class CampaignState:
     statuses
         How many rows have each status, the most frequent first.
     reasons
-        How many rows that are not stable give each reason, the most frequent first.
+        How many rows that are not stable, or strained beyond their law, give each reason, the most
+        frequent first.
     seconds_per_run
         Mean solver time of a run, NaN if there is none yet.
     driver, host
@@ -202,12 +203,12 @@ class Campaign(Savable):
         frame = self.frame(["status", "reason", "seconds"])
         driver = driver_of(self.folder)
         rate = np.nan if driver is None else _rate(driver)
-        not_stable = frame["reason"][frame["status"] != "stable"]
+        said = frame["reason"][(frame["status"] != "stable") | (frame["reason"] != "")]
         return CampaignState(
             n_points=self.study.n_points,
             n_done=len(frame),
             statuses=dict(Counter(frame["status"]).most_common()),
-            reasons=dict(Counter(not_stable).most_common()),
+            reasons=dict(Counter(said).most_common()),
             seconds_per_run=float(frame["seconds"].mean()) if len(frame) else np.nan,
             driver=None if driver is None else int(driver["pid"]),
             host=None if driver is None else str(driver.get("host", "?")),
