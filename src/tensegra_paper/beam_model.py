@@ -38,6 +38,10 @@ class BeamRuns:
         NaN where failed.
     n_slack
         Number of slack cables, shape (n_runs,).
+    strain
+        Largest strain of a member in magnitude, shape (n_runs,); NaN where failed.
+    beyond_law
+        Whether a member is strained beyond the limit of the linear law, shape (n_runs,).
     seconds
         Time on the clock that solving took, when it was done.
     """
@@ -46,6 +50,8 @@ class BeamRuns:
     status: NDArray[np.str_]
     tip: Array
     n_slack: NDArray[np.int64]
+    strain: Array
+    beyond_law: NDArray[np.bool_]
     seconds: float
 
     @property
@@ -80,7 +86,7 @@ class BeamRuns:
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Return plain arrays, as they are kept in a file."""
         kept = {f"input_{name}": column for name, column in self.inputs.items()}
-        others = {"status": self.status, "tip": self.tip, "n_slack": self.n_slack}
+        others = {name: getattr(self, name) for name in ("status", "tip", "n_slack", "strain", "beyond_law")}
         return kept | others | {"seconds": np.array(self.seconds)}
 
     @classmethod
@@ -142,5 +148,7 @@ def solve_beam(
         status=runs.status.astype(np.str_),
         tip=runs.displacements[:, rows],
         n_slack=runs.slack.sum(axis=1),
+        strain=runs.largest_strain,
+        beyond_law=runs.beyond_law,
         seconds=perf_counter() - began,
     )

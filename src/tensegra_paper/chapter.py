@@ -16,12 +16,19 @@ __all__ = ["Agreement", "Chapter", "Figure", "Row"]
 
 
 class Agreement(StrEnum):
-    """What kind of agreement can be asked of a row."""
+    """What can be asked of a row."""
 
+    FINDING = "finding"
+    """A printed claim, judged by what its words say (`tensegra_paper.claims`); it can fail."""
     METHOD = "method"
-    """Must hold exactly: a surrogate against our own FEM, an optimiser against another one."""
+    """A check of ours that must hold, whatever the beam: a surrogate or an optimiser against FEM."""
     VALUE = "value"
-    """As near as the reconstructed beam allows, for the original's coordinates are not printed."""
+    """A number beside the printed one, not judged: of another machine, or printed nowhere."""
+    INPUT = "input"
+    """Read back from what was put in or fitted to the print, so that it could not fail: no evidence."""
+
+
+JUDGED = (Agreement.FINDING, Agreement.METHOD)
 
 
 @dataclass(frozen=True)
@@ -41,19 +48,21 @@ class Row:
     unit
         Of both; ``""`` for none.
     agreement
-        The kind of agreement that can be asked.
+        What can be asked.
     holds
-        Whether the tolerance that `why` states was met. A row of method always says so; a row of
-        value only where there is something to hold, such as an ordering.
+        Whether the criterion that `why` states was met: of findings and checks of method, and of no others.
     why
         What was compared with which tolerance, or the reason of the difference.
+    claim
+        Key of `tensegra_paper.claims.CLAIMS` for a finding.
 
     Raises
     ------
     SolverError
         Where ours is no finite number: what the row tells of could not be computed.
     ValueError
-        For a row of method without a verdict, or one without a reason.
+        For a finding or a check of method without a verdict, another row with one, a finding without its
+        claim, or a row without a reason.
     """
 
     place: str
@@ -64,10 +73,13 @@ class Row:
     agreement: Agreement
     holds: bool | None
     why: str
+    claim: str = ""
 
     def __post_init__(self) -> None:
-        if self.agreement is Agreement.METHOD and self.holds is None:
-            raise ValueError(f"{self.place}, {self.quantity}: a row of method says whether it holds")
+        if (self.agreement in JUDGED) != (self.holds is not None):
+            raise ValueError(f"{self.place}, {self.quantity}: findings and methods are judged, no others")
+        if (self.agreement is Agreement.FINDING) != bool(self.claim):
+            raise ValueError(f"{self.place}, {self.quantity}: a finding has its claim, no other row has one")
         if not self.why or self.ours == "":
             raise ValueError(f"{self.place}, {self.quantity}: a row is filled, with a reason")
         if not isinstance(self.ours, str) and not isfinite(self.ours):

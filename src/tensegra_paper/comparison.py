@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from tensegra.report import NOTHING, Table, number
 from tensegra_paper.chapter import Row
 
-__all__ = ["HEADER", "comparison_table", "markdown_rows", "short_table", "to_markdown", "verdict"]
+__all__ = ["HEADER", "comparison_table", "markdown_rows", "short_table", "text_of", "to_markdown", "verdict"]
 
 HEADER = ("Place", "Quantity", "Unit", "Published", "Ours", "Difference", "Agreement", "Holds", "Why")
 ALIGN = "sllrrrssl"
@@ -41,8 +41,8 @@ def short_table(title: str, rows: Iterable[Row]) -> Table:
         (
             row.place,
             f"{row.quantity} [{row.unit}]" if row.unit else row.quantity,
-            _text(row.published),
-            _text(row.ours),
+            text_of(row.published),
+            text_of(row.ours),
             _difference(row),
             str(row.agreement) if row.holds is None else f"{row.agreement}: {verdict(row)}",
         )
@@ -56,8 +56,8 @@ def _cells(row: Row) -> tuple[str, ...]:
         row.place,
         row.quantity,
         row.unit or NOTHING,
-        _text(row.published),
-        _text(row.ours),
+        text_of(row.published),
+        text_of(row.ours),
         _difference(row),
         str(row.agreement),
         verdict(row),
@@ -65,7 +65,8 @@ def _cells(row: Row) -> tuple[str, ...]:
     )
 
 
-def _text(value: float | str | None) -> str:
+def text_of(value: float | str | None) -> str:
+    """Return a cell as it is shown."""
     return value if isinstance(value, str) else number(value, DIGITS)
 
 

@@ -76,9 +76,11 @@ class DrawnFigure:
         --------
         >>> DrawnFigure("fig-06-outcomes", "", Path("x.svg"), 100).label
         'Fig. 6'
+        >>> DrawnFigure("fig-12ac-uniform", "", Path("x.svg"), 100).label
+        'Fig. 12a, c'
         """
-        match = re.match(r"fig-0*(\d+)", self.name)
-        return f"Fig. {match[1]}" if match else "Figure"
+        match = re.match(r"fig-0*(\d+)([a-d]*)-", self.name)
+        return f"Fig. {match[1]}{', '.join(match[2])}" if match else "Figure"
 
     @property
     def title(self) -> str:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["CHAPTERS", "reproduce"]
 
 CHAPTERS = (
+    "assumptions",
     "shapes",
     "outcomes",
     "designs",
@@ -34,6 +35,7 @@ CHAPTERS = (
     "uncertainty",
     "indices",
     "selection",
+    "chain",
     "optimum",
     "gripper",
 )

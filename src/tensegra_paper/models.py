@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.analysis import TrueModel
+from tensegra.mechanics import PathSettings
 from tensegra.report import key_of
 from tensegra.study import TrainingData, parse_study
 from tensegra.surrogate import RegimeData, one_thread
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = [
     "LIFT_INPUTS",
     "NETWORK",
+    "NODE",
     "FiveInputs",
     "beam_model",
     "cable_model",
@@ -41,11 +43,14 @@ LIFT_INPUTS = ("A1", "A23", "A4")
 NETWORK: dict[str, Any] = {"training": "two_stage", "hidden": (50, 50), "adam_iterations": 5_000}
 """The publication's network, at any scale: 2 × 50 neurons, 5,000 iterations of Adam, then L-BFGS."""
 
-OUTPUTS = {
+OUTPUTS: dict[str, dict[str, Any]] = {
     "u": {"displacement": "x", "nodes": list(TIP)},
     "v": {"displacement": "y", "nodes": list(TIP)},
     "w": {"displacement": "z", "nodes": list(TIP)},
 }
+
+NODE = "23"
+"""Whose displacements the publication shows in Figs. 9 to 12 and 19 and Table 2; the optimum has the mean."""
 
 MANY_RUNS = 20_000
 """Below, threads of the linear algebra may wait for each other longer than they work."""
@@ -55,20 +60,20 @@ LEAST_LIFT_RUNS, MOST_HELD_OUT = 4096, 8192
 
 
 def beam_model(setting: Setting) -> TrueModel:
-    """Return the beam with gravity, five inputs uniform on the publication's box, and the outputs v and w."""
+    """Return the beam with gravity, five inputs uniform on the publication's box, and v and w of node 23."""
     actuation, temperature = (published("doe", f"{name}_range") for name in ("actuation", "temperature"))
     variables = {name: _variable("actuator", name, actuation) for name in ACTUATIONS}
     variables |= {
         name: _variable("temperature", name.removeprefix("T_"), temperature) for name in TEMPERATURES
     }
-    return _model(setting, variables, {}, ("v", "w"))
+    return _model(setting, variables, {}, {name: OUTPUTS[name] | {"nodes": [NODE]} for name in ("v", "w")})
 
 
 def cable_model(setting: Setting, names: Sequence[str], outputs: Sequence[str] = ("v", "w")) -> TrueModel:
     """Return the beam without gravity, some actuators uniform on [0, 30] %, and some of u, v and w."""
     box = published("optimisation", "bounds")
     variables = {name: _variable("actuator", name, box) for name in names}
-    return _model(setting, variables, {"gravity": [0, 0, 0]}, outputs)
+    return _model(setting, variables, {"gravity": [0, 0, 0]}, {name: OUTPUTS[name] for name in outputs})
 
 
 def _variable(quantity: str, target: str, box: Sequence[float]) -> dict[str, Any]:
@@ -76,7 +81,7 @@ def _variable(quantity: str, target: str, box: Sequence[float]) -> dict[str, Any
 
 
 def _model(
-    setting: Setting, variables: dict[str, Any], changes: dict[str, Any], outputs: Sequence[str]
+    setting: Setting, variables: dict[str, Any], changes: dict[str, Any], outputs: dict[str, Any]
 ) -> TrueModel:
     study = parse_study(
         {
@@ -84,7 +89,7 @@ def _model(
             "structure": f"library:{setting.structure_name}",
             "changes": changes,
             "variables": variables,
-            "outputs": {name: OUTPUTS[name] for name in outputs},
+            "outputs": outputs,
             "design": {"sampler": "sobol", "sizes": 2},
         }
     )
@@ -116,7 +121,7 @@ def five_inputs(setting: Setting) -> FiveInputs:
     model = beam_model(setting)
     data = TrainingData(
         X=runs.X,
-        Y=np.column_stack([runs.v, runs.w]),
+        Y=np.column_stack([runs.displacement(axis, NODE) for axis in "yz"]),
         bounds=model.bounds,
         input_names=model.input_names,
         output_names=model.output_names,
@@ -128,7 +133,7 @@ def five_inputs(setting: Setting) -> FiveInputs:
     return FiveInputs(runs, data.rows(order[n_held:]), data.rows(order[:n_held]))
 
 
-def lift_runs(setting: Setting, *, held_out: bool = False) -> BeamRuns:
+def lift_runs(setting: Setting, *, held_out: bool = False, stepped: bool = False) -> BeamRuns:
     """Solve designs of the optimisation: Sobol points of (A1, A23, A4) in [0, 30] %, without gravity.
 
     Parameters
@@ -137,6 +142,8 @@ def lift_runs(setting: Setting, *, held_out: bool = False) -> BeamRuns:
         Gives the number of runs and the seed.
     held_out
         Whether to solve the designs that nothing is learned from instead.
+    stepped
+        Whether to solve the same designs as the publication does: increments of 1 %, plain Newton–Raphson.
     """
     from scipy.stats import qmc
 
@@ -148,7 +155,10 @@ def lift_runs(setting: Setting, *, held_out: bool = False) -> BeamRuns:
     sampler = qmc.Sobol(len(LIFT_INPUTS), scramble=True, rng=setting.seed_of(name))
     low, high = published("optimisation", "bounds")
     X = low + (high - low) * sampler.random_base2(int(np.ceil(np.log2(n_runs))))[:n_runs]
-    return setting.runs(name, setting.without_gravity, dict(zip(LIFT_INPUTS, X.T, strict=True)))
+    inputs = dict(zip(LIFT_INPUTS, X.T, strict=True))
+    if stepped:
+        return setting.runs(f"{name}-stepped", setting.without_gravity, inputs, PathSettings(path="stepped"))
+    return setting.runs(name, setting.without_gravity, inputs)
 
 
 def lift_data(setting: Setting, runs: BeamRuns) -> RegimeData:

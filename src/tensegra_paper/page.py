@@ -4,7 +4,8 @@ from base64 import b64encode
 from typing import TYPE_CHECKING
 
 from tensegra.report import Table, number, render
-from tensegra_paper.comparison import comparison_table, to_markdown, verdict
+from tensegra_paper.chapter import Row
+from tensegra_paper.comparison import comparison_table, text_of, to_markdown, verdict
 from tensegra_paper.finished import DrawnFigure
 from tensegra_paper.published import published
 
@@ -35,8 +36,8 @@ def markdown_page(made: "Reproduction") -> str:
         f"# The paper reproduced: {made.stamp.structure}",
         "",
         (
-            f"“{published('source')}”. Made by `{made.command}` in {made.seconds:.0f} s; what each row "
-            "means stands in its last column."
+            f"“{published('source')}”. Made by `{made.command}` in {made.seconds:.0f} s; what each row means "
+            "stands in its last column."
         ),
         "",
         made.summary,
@@ -44,10 +45,23 @@ def markdown_page(made: "Reproduction") -> str:
     ]
     parts += [f"- {finding}" for finished in made.chapters for finding in finished.chapter.findings]
     parts += [f"- Could not be had: {failure}." for failure in made.failures]
+    parts += ["", "Printed claims that do not hold on this beam:", ""]
+    parts += [_claim_line(row) for row in made.claims if not row.holds]
+    parts += ["", "They hold:", ""]
+    parts += [_claim_line(row) for row in made.claims if row.holds]
     parts.append("")
     parts.append(to_markdown(comparison_table("Published and ours", made.rows)))
+    assumed = [finished for finished in made.chapters if finished.chapter.name == "assumptions"]
+    parts += [to_markdown(table) for finished in assumed for table in finished.chapter.tables]
     parts += [to_markdown(table) for table in _provenance(made)]
     return "\n".join(parts)
+
+
+def _claim_line(row: Row) -> str:
+    """Return a claim as an item of a list."""
+    unit = f" {row.unit}" if row.unit else ""
+    ours, printed = (text_of(value) for value in (row.ours, row.published))
+    return f"- {row.place}, {row.quantity}: printed {printed}, here {ours}{unit}"
 
 
 def _source(figure: DrawnFigure) -> str:

@@ -18,19 +18,20 @@ class Tally:
 
     Attributes
     ----------
-    method, method_held
-        Rows of agreement of method, and those that hold.
     finding, finding_held
-        Rows of agreement of value with something to hold, and those that do.
-    value
-        Rows of agreement of value altogether.
+        Printed claims, and those that hold on this beam.
+    method, method_held
+        Checks of our own method, and those that hold.
+    value, input
+        Numbers that are compared and not judged, and rows that could not fail.
     """
 
-    method: int
-    method_held: int
     finding: int
     finding_held: int
+    method: int
+    method_held: int
     value: int
+    input: int
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class Reproduction:
 
     @property
     def succeeded(self) -> bool:
-        """Whether every chapter could be made and every row of method holds."""
+        """Whether every chapter could be made and every check of method holds."""
         return not self.failures and self.tally.method_held == self.tally.method
 
     @property
@@ -86,19 +87,32 @@ class Reproduction:
     @cached_property
     def tally(self) -> Tally:
         """How many rows there are, and hold."""
-        method = [row for row in self.rows if row.agreement is Agreement.METHOD]
-        value = [row for row in self.rows if row.agreement is Agreement.VALUE]
-        finding = [row for row in value if row.holds is not None]
-        held = [sum(bool(row.holds) for row in rows) for rows in (method, finding)]
-        return Tally(len(method), held[0], len(finding), held[1], len(value))
+        of = {kind: [row for row in self.rows if row.agreement is kind] for kind in Agreement}
+        held = {kind: sum(bool(row.holds) for row in rows) for kind, rows in of.items()}
+        return Tally(
+            len(of[Agreement.FINDING]),
+            held[Agreement.FINDING],
+            len(of[Agreement.METHOD]),
+            held[Agreement.METHOD],
+            len(of[Agreement.VALUE]),
+            len(of[Agreement.INPUT]),
+        )
+
+    @property
+    def claims(self) -> tuple[Row, ...]:
+        """The printed claims, those that do not hold first."""
+        claims = [row for row in self.rows if row.agreement is Agreement.FINDING]
+        return tuple(sorted(claims, key=lambda row: bool(row.holds)))
 
     @property
     def summary(self) -> str:
         """How many rows hold, as a sentence."""
         counts = self.tally
         return (
-            f"Of {counts.method} rows of method {counts.method_held} hold; of {counts.value} rows of value "
-            f"{counts.finding} have something to hold, and {counts.finding_held} do."
+            f"Of {counts.finding} printed claims {counts.finding - counts.finding_held} do not hold on this "
+            f"beam and {counts.finding_held} do; of {counts.method} checks of our method "
+            f"{counts.method_held} hold. {counts.value} more numbers are compared and not judged, "
+            f"{counts.input} were put in or fitted to the print."
         )
 
     @property

@@ -25,6 +25,9 @@ Array: TypeAlias = NDArray[np.float64]
 
 STRUCTURES = ("paper_beam", "paper_beam_slender")
 
+KEPT = 2
+"""Number of what is kept of a run; another is not read."""
+
 BLOCK = 8192
 """Runs that are solved and kept together: what an interruption costs at most."""
 
@@ -156,6 +159,7 @@ class Setting:
                 structure.fingerprint,
                 {key: sha256(column.tobytes()).hexdigest() for key, column in part.items()},
                 asdict(settings),
+                KEPT,
             )
             before = self._read(name, key)
             if before is not None:

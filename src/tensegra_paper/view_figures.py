@@ -60,7 +60,7 @@ def views_figure(
                 _draw(axes, structure, reference[:, (across, up)], PALE)
             _draw(axes, structure, nodes[:, (across, up)])
             _show(axes, low[[across, up]], high[[across, up]])
-            axes.set_title(f"{title}, {view}" if title else view)
+            axes.set_title(title if title and column == 0 else view, fontsize=8.5)
             axes.set_ylabel(labelled("xyz"[up], structure.units.length))
             if row == len(shapes) - 1:
                 axes.set_xlabel(labelled("xyz"[across], structure.units.length))

@@ -18,8 +18,19 @@ def test_there_is_no_difference_without_two_numbers(published, ours):
 
 
 def test_a_row_of_method_says_whether_it_holds():
-    with pytest.raises(ValueError, match="says whether it holds"):
+    with pytest.raises(ValueError, match="are judged"):
         row(1.0, 1.0, Agreement.METHOD)
+
+
+@pytest.mark.parametrize("agreement", [Agreement.VALUE, Agreement.INPUT])
+def test_what_is_not_judged_has_no_verdict(agreement):
+    with pytest.raises(ValueError, match="are judged, no others"):
+        row(1.0, 1.0, agreement, holds=True)
+
+
+def test_a_finding_has_its_claim():
+    with pytest.raises(ValueError, match="has its claim"):
+        row(1.0, 1.0, Agreement.FINDING, holds=True)
 
 
 @pytest.mark.parametrize("changes", [{"why": ""}, {"ours": ""}])

@@ -20,7 +20,8 @@ def line():
 
 
 def row(quantity, *, holds=True, agreement=Agreement.METHOD):
-    return Row("Fig. 7", quantity, 2.0, 2.5, "cm", agreement, holds, "within 1")
+    claim = "a" if agreement is Agreement.FINDING else ""
+    return Row("Fig. 7", quantity, 2.0, 2.5, "cm", agreement, holds, "within 1", claim=claim)
 
 
 @pytest.fixture
@@ -66,7 +67,14 @@ def test_report_and_tables_are_written(chapters, tmp_path):
     assert (tmp_path / "figures" / "fig-07-first.png").stat().st_size > 1000
     assert [cells["Quantity"] for cells in markdown_rows(made.table.read_text())] == ["one", "two"]
     content = json.loads(made.table.with_suffix(".json").read_text())
-    assert content["tally"] == {"method": 1, "method_held": 1, "finding": 0, "finding_held": 0, "value": 1}
+    assert content["tally"] == {
+        "finding": 0,
+        "finding_held": 0,
+        "method": 1,
+        "method_held": 1,
+        "value": 1,
+        "input": 0,
+    }
     assert content["rows"][0]["difference"] == 0.5
     assert content["seeds"] == {"first": {"points": 7}}
     assert {"tensegra", "numpy", "scipy"} <= set(content["versions"])
@@ -119,11 +127,11 @@ def test_a_row_of_method_that_does_not_hold_is_a_failure(chapters, tmp_path):
     chapters("first", row("one"), row("two", holds=False))
     made = reproduce(tmp_path, chapters=("first",))
     assert not made.succeeded
-    assert made.summary.startswith("Of 2 rows of method 1 hold")
+    assert "of 2 checks of our method 1 hold" in made.summary
 
 
 def test_a_printed_value_that_is_not_met_is_no_failure(chapters, tmp_path):
-    chapters("first", row("one", holds=False, agreement=Agreement.VALUE))
+    chapters("first", row("one", holds=False, agreement=Agreement.FINDING))
     assert reproduce(tmp_path, chapters=("first",)).succeeded
 
 

@@ -32,7 +32,7 @@ def test_inputs_fill_their_printed_ranges(inputs):
 
 def runs_of(inputs):
     n_runs = len(inputs["A14"])
-    return BeamRuns(inputs, np.full(n_runs, "stable"), np.zeros((n_runs, 2, 3)), np.zeros(n_runs), 1.0)
+    return BeamRuns(inputs, np.full(n_runs, "stable"), np.zeros((n_runs, 2, 3)), *np.zeros((3, n_runs)), 1.0)
 
 
 def test_the_effect_of_temperatures_is_told_from_that_of_actuations(inputs):

@@ -44,7 +44,11 @@ def test_the_chapter_is_filled_and_its_methods_agree(tmp_path, monkeypatch):
     dropped = next(row for row in made.rows if row.quantity.startswith("blocks dropped"))
     assert 0.0 < dropped.ours < 100.0
     # The surviving blocks and those with collapsed runs at rest answer different questions.
-    four = [row.ours for row in made.rows if row.quantity.startswith("total indices of w")]
+    four = [row.ours for row in made.rows if row.quantity.startswith("total indices of v")]
     assert four[0] != four[1]
+    claims = {row.claim: row.holds for row in made.rows if row.claim}
+    assert len(claims) == 7
+    assert not claims["top much stronger"]
+    assert not claims["A14 low on y"]
     for figure in made.figures:
         assert figure.draw().axes

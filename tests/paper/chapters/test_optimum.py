@@ -11,8 +11,8 @@ from tensegra_paper.chapters.optimum.chapter import well_posed_optimum
 from tensegra_paper.chapters.optimum.figures import (
     convergence_figure,
     range_figure,
+    solutions_figure,
     surface_figure,
-    visits_figure,
 )
 from tensegra_paper.chapters.optimum.refinement import confirmed, joined
 from tensegra_paper.models import LIFT_INPUTS
@@ -89,6 +89,8 @@ def test_eq_12_has_no_unique_maximiser(found, surface):
         status=np.full(7, "stable"),
         tip=np.repeat(np.column_stack([0 * surface.w, 0 * surface.w, surface.w])[:, None], 2, axis=1),
         n_slack=np.zeros(7, dtype=int),
+        strain=np.full(7, 0.03),
+        beyond_law=np.zeros(7, dtype=bool),
         seconds=0.0,
     )
     rows = optimum_rows.printed_rows(found["Eq. 12 as printed"], runs, surface)
@@ -137,4 +139,20 @@ def test_table_and_figures_show_every_method(found, surface):
     assert len(range_figure(shown).axes) == 2
     assert len(surface_figure(surface, posed, names).axes) == 4
     assert [axes.get_title() for axes in convergence_figure(posed, names).axes] == list(table.header[1:])
-    assert visits_figure(posed, names).axes
+    w = {method: optimum_rows.visited(one, 1, ends=True) for method, one in posed.items()}
+    assert len(solutions_figure({"well posed": w}).axes) == 3
+
+
+def test_the_solutions_are_where_the_starts_end(found):
+    one = found["well posed"]["slsqp"]
+    ends = optimum_rows.visited(one, 1, ends=True)
+    assert len(ends) == one.agreement.n_starts == 8
+    assert len(optimum_rows.visited(one, 1, ends=False)) > 8
+    # The greatest lift of the line, where all starts arrive.
+    np.testing.assert_allclose(ends, one.outputs["w"], rtol=1e-6)
+
+
+def test_a_search_that_never_arrives_needs_more_than_it_made(found):
+    one = found["well posed"]["bayesian"]
+    assert optimum_rows.needed(one, 2 * one.objective) == one.n_evaluations + 1
+    assert optimum_rows.needed(one) <= one.n_evaluations

@@ -7,12 +7,13 @@ from tensegra_paper.chapters.outcomes.chapter import SHAPES, classify, outcomes
 from tensegra_paper.setting import Setting
 
 
-def runs(status, w):
+def runs(status, w, beyond=()):
     n_runs = len(status)
     tip = np.zeros((n_runs, 2, 3))
     tip[:, :, 2] = np.reshape(w, (-1, 1))
     zeros = np.zeros(n_runs)
-    return BeamRuns({"A": zeros}, np.array(status), tip, zeros, 1.0)
+    strained = np.isin(np.arange(n_runs), beyond)
+    return BeamRuns({"A": zeros}, np.array(status), tip, zeros, np.where(strained, 0.9, 0.03), strained, 1.0)
 
 
 def test_the_shape_is_told_apart_from_the_status():
@@ -31,6 +32,18 @@ def test_the_shape_is_told_apart_from_the_status():
         "prestress lost",
         "upward",
         "not converged",
+    ]
+
+
+def test_a_root_beyond_the_law_is_counted_as_such():
+    path = runs(["stable", "stable", "stable", "stable"], [5, 5, 5, 5])
+    stepped = runs(["unstable", "stable", "stable", "collapsed"], [5, 9, 5, 5], beyond=(0, 1, 2, 3))
+    # On the path a run is a shape, whatever its strain; elsewhere it is a root of the equations alone.
+    assert classify(stepped, path).tolist() == [
+        "spurious root, beyond the law",
+        "spurious root, beyond the law",
+        "upward",
+        "spurious root, beyond the law",
     ]
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tensegra_paper.chapters.shapes.chapter import find_pair, shapes
+from tensegra_paper.chapters.shapes.chapter import _pair_row, find_pair, shapes
 from tensegra_paper.setting import STRUCTURES, Setting
 
 
@@ -18,6 +18,17 @@ def test_different_increments_end_in_different_shapes(tmp_path, beam):
 
 def test_the_chapter_says_what_holds(tmp_path):
     chapter = shapes(Setting(tmp_path))
-    assert all(row.holds for row in chapter.rows)
-    assert [figure.name for figure in chapter.figures][:2] == ["fig-03-structure", "fig-03-views"]
+    findings = {row.claim: row for row in chapter.rows if row.claim}
+    assert set(findings) == {"y grows", "two shapes"}
+    assert findings["y grows"].holds
+    # What was put in says nothing of what comes out.
+    assert all(row.holds is None for row in chapter.rows if not row.claim)
+    assert [figure.name for figure in chapter.figures][:2] == ["fig-03a-structure", "fig-03bc-views"]
     assert len(chapter.tables[0].rows) == 9
+
+
+@pytest.mark.parametrize("strain", [0.01, 0.89])
+def test_a_root_beyond_the_law_is_no_second_shape(tmp_path, monkeypatch, strain):
+    pair = find_pair(Setting(tmp_path))
+    monkeypatch.setattr(type(pair.robust.final), "largest_strain", strain)
+    assert _pair_row(pair).holds is (strain <= 0.05)

@@ -32,11 +32,11 @@ def error_figure(
         By surrogate: the number of runs and the error that are printed.
     """
     made, panels = grid(len(curves), height=2.6)
-    for axes, (output, by_kind) in zip(panels, curves.items(), strict=True):
+    for k, (axes, (output, by_kind)) in enumerate(zip(panels, curves.items(), strict=True)):
         for colour, (kind, (sizes, errors)) in zip(COLOURS, by_kind.items(), strict=False):
             axes.loglog(sizes, errors, "o-", markersize=3.5, color=colour, label=kind)
             axes.plot(*crosses[kind], "x", markersize=8, color=colour, label=f"{kind}, printed")
-        axes.set_title(output)
+        axes.set_title(f"({'ab'[k]}) {output}")
         axes.set_xlabel("runs learned from")
     panels[0].set_ylabel("relative error [%]")
     legend_above(made, panels[0])
@@ -76,7 +76,7 @@ def parity_figure(
             error = np.maximum(np.abs(values[:, k] - true[:, k]), np.finfo(float).tiny)
             below.scatter(true[:, k], error, s=5, **dots)
         below.set_yscale("log")
-        above.set_title(output)
+        above.set_title(f"({'ab'[k]}) {output}")
         below.set_xlabel(labelled(f"{output}, FEM", unit))
         if k == 0:
             above.set_ylabel(labelled("surrogate", unit))

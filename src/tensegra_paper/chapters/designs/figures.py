@@ -34,7 +34,7 @@ def design_figure(inputs: Mapping[str, Array], n_temperatures: int) -> "Figure":
         Number of temperatures, which run fastest.
     """
     made, panels = grid(len(PAIRS), columns=4, height=2.1)
-    for axes, (first, second) in zip(panels, PAIRS, strict=True):
+    for k, (axes, (first, second)) in enumerate(zip(panels, PAIRS, strict=True)):
         kind = first[0]
         rows = slice(None, None, n_temperatures) if kind == "A" else slice(0, n_temperatures)
         factor, unit = (100.0, "%") if kind == "A" else (1.0, "°C")
@@ -47,6 +47,7 @@ def design_figure(inputs: Mapping[str, Array], n_temperatures: int) -> "Figure":
         axes.locator_params(nbins=4)
         axes.set_xlabel(labelled(first.replace("_", " "), unit))
         axes.set_ylabel(labelled(second.replace("_", " "), unit))
+        axes.set_title(f"({'abcd'[k]})")
     return made
 
 
@@ -80,6 +81,7 @@ def box_figure(boxes: Mapping[str, Array]) -> "Figure":
         )
         axes.set_xlim(0.0, len(drawn) + 1.0)
         axes.set_ylabel(labelled(name, "cm"))
+        axes.set_title(f"({'ab'[row]}) displacement-{'yz'[row]}")
         if row == len(boxes) - 1:
             axes.set_xlabel("actuation (A14, A23), sorted by the magnitude of the median")
         else:

@@ -12,8 +12,8 @@ from tensegra_paper.chapter import Chapter, Figure
 from tensegra_paper.chapters.optimum.figures import (
     convergence_figure,
     range_figure,
+    solutions_figure,
     surface_figure,
-    visits_figure,
 )
 from tensegra_paper.chapters.optimum.refinement import Question, Searches, confirmed_searches
 from tensegra_paper.chapters.optimum.rows import (
@@ -30,6 +30,8 @@ from tensegra_paper.chapters.optimum.rows import (
     printed_rows,
     range_rows,
     spread,
+    visit_rows,
+    visited,
 )
 from tensegra_paper.chapters.optimum.straight import Surface, slices, straight_surface
 from tensegra_paper.models import LIFT_INPUTS, cable_model, lift_runs
@@ -124,8 +126,8 @@ def optimum(setting: Setting) -> Chapter:
         figures=(
             Figure(
                 "fig-14-range",
-                "Displacement w over the actuations. Three slices of the box; the lines are v = −1, 0 and "
-                "1 cm, and white is where the structure collapses",
+                "Displacement w over the actuations, by our surrogate. Three slices of the box; the lines "
+                "are v = −1, 0 and 1 cm, and white is where the structure collapses",
                 lambda: range_figure(shown),
             ),
             Figure(
@@ -135,12 +137,39 @@ def optimum(setting: Setting) -> Chapter:
                 "where each method ends",
                 lambda: surface_figure(surface, printed, METHODS),
             ),
-            *_search_figures("printed", "Eq. 12 as printed", printed),
-            *_search_figures("posed", "well posed", posed),
+            Figure(
+                "fig-17-convergence",
+                "Convergence on Eq. 12 as printed: SQP (printed as a), BFGS (b), Bayesian (c), and our "
+                "search on the structure itself. Evaluations in their order, of many one in so many that "
+                "3,000 remain, and the best so far",
+                lambda: convergence_figure(printed, METHODS),
+            ),
+            Figure(
+                "posed-convergence",
+                "The same for the greatest w with |v| ≤ 1 cm. The best is the best that satisfies the "
+                "constraint",
+                lambda: convergence_figure(posed, METHODS),
+            ),
+            Figure(
+                "fig-18-solutions",
+                "w at the intermediate solutions, for Eq. 12 as printed above and for the greatest w with "
+                "|v| ≤ 1 cm below. (a) SQP and (b) BFGS, where each start ends, (c) Bayesian, all that was "
+                "asked",
+                lambda: solutions_figure(
+                    {
+                        name: {
+                            METHODS[method]: visited(each[method], 1, ends=method != "bayesian")
+                            for method in list(METHODS)[:-1]
+                        }
+                        for name, each in found.items()
+                    }
+                ),
+            ),
         ),
         rows=(
             *range_rows(runs, exact),
             *printed_rows(printed, runs, surface),
+            *visit_rows(printed, *(float(end) for end in np.quantile(runs.w[runs.stands], [0.0, 1.0]))),
             *posed_rows(posed, other),
         ),
         text=_text(searches, printed, posed, other, surface),
@@ -157,21 +186,6 @@ def optimum(setting: Setting) -> Chapter:
             f"{METHODS[m]}, {name}": one.seconds for name, each in found.items() for m, one in each.items()
         },
         seeds={name: setting.seed_of(name) for name in ("lift", *METHODS)},
-    )
-
-
-def _search_figures(stem: str, name: str, found: Found) -> tuple[Figure, Figure]:
-    return (
-        Figure(
-            f"fig-17-convergence-{stem}",
-            f"Convergence, {name}. Every evaluation, and the best that satisfies the constraints so far",
-            lambda: convergence_figure(found, METHODS),
-        ),
-        Figure(
-            f"fig-18-visited-{stem}",
-            f"Visited solutions, {name}. Share of each method's evaluations",
-            lambda: visits_figure(found, METHODS),
-        ),
     )
 
 
@@ -207,9 +221,9 @@ def _text(
             f"{METHODS[question.method]} on {question.problem}" for question, _ in searches.repeated
         )
         repeated = (
-            "Where few runs have slack cables a surrogate invents optima that the structure does not "
-            f"have. FEM did not confirm {again}; there {searches.n_runs - searches.n_first} runs were "
-            "added, and the search was repeated."
+            "Where few runs have slack cables a surrogate invents optima that the structure does not have. "
+            f"FEM did not confirm {again}; there {searches.n_runs - searches.n_first} runs were added, and "
+            "the search was repeated."
         )
     return (
         (
@@ -217,10 +231,10 @@ def _text(
             f"{searches.n_first} runs with a piece for each regime (taut, slack), which gives no answer "
             f"where it expects a collapse. Every optimum is solved again by FEM. {repeated} SQP and BFGS "
             f"start from {posed['slsqp'].agreement.n_starts} and {posed['bfgs'].agreement.n_starts} points "
-            f"of a Latin hypercube; Bayesian optimisation has {EVALUATIONS} evaluations with UCB, ξ = "
-            f"{XI}. 'Direct FEM' is SQP on the structure itself, in all of the box and with its exact "
-            f"derivatives: {len(np.unique(direct.trace.start))} starts, of which the best "
-            f"{direct.agreement.n_starts} are followed to the end."
+            f"of a Latin hypercube; Bayesian optimisation has {EVALUATIONS} evaluations with UCB, ξ = {XI}. "
+            "'Direct FEM' is SQP on the structure itself, in all of the box and with its exact derivatives: "
+            f"{len(np.unique(direct.trace.start))} starts, of which the best {direct.agreement.n_starts} are "
+            "followed to the end."
         ),
         (
             "Eq. 12 as printed is 1 wherever v = 0. That surface was traced by the surrogate and solved by "

@@ -1,19 +1,22 @@
 """Figures of the optimisation."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegra.analysis import Optimum
-from tensegra.report.figures import COLOURS, figure, search_figure, styled, visited_figure
+from tensegra.report.figures import COLOURS, figure, search_figure, styled
 from tensegra_paper.chapters.optimum.straight import Slice, Surface
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-__all__ = ["convergence_figure", "range_figure", "surface_figure", "visits_figure"]
+__all__ = ["convergence_figure", "range_figure", "solutions_figure", "surface_figure"]
+
+Array: TypeAlias = NDArray[np.float64]
 
 MARKS = ("o", "s", "^", "D")
 LEVEL = 10.0
@@ -25,9 +28,26 @@ def convergence_figure(found: Mapping[str, Optimum], names: Mapping[str, str]) -
     return search_figure(*_contents(found, names))
 
 
-def visits_figure(found: Mapping[str, Optimum], names: Mapping[str, str]) -> "Figure":
-    """Draw histograms of the visited solutions (Fig. 18)."""
-    return visited_figure(*_contents(found, names))
+@styled
+def solutions_figure(found: Mapping[str, Mapping[str, Array]]) -> "Figure":
+    """Draw histograms of w at the intermediate solutions, a row per problem and a panel per method (Fig. 18).
+
+    Parameters
+    ----------
+    found
+        By problem and method, w at the solutions, cm.
+    """
+    made = figure(3.8)
+    top = max(float(w.max()) for each in found.values() for w in each.values())
+    edges = np.linspace(0.0, top, 26).tolist()
+    for row, (problem, each) in enumerate(found.items()):
+        for column, (method, w) in enumerate(each.items()):
+            axes = made.add_subplot(len(found), len(each), row * len(each) + column + 1)
+            axes.hist(w, edges, color=COLOURS[column], alpha=0.8)
+            axes.set_title(f"({'abc'[column]}) {method}, {len(w)} solutions")
+            axes.set_xlabel("w [cm]" if row == len(found) - 1 else "")
+            axes.set_ylabel(f"{problem}\nnumber" if column == 0 else "")
+    return made
 
 
 def _contents(

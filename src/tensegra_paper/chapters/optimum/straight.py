@@ -135,6 +135,6 @@ def slices(setting: Setting, model: Model) -> tuple[Slice, ...]:
     for value in SLICES:
         A1, A4 = (each.ravel() for each in np.meshgrid(grid, grid, indexing="ij"))
         Y = model.evaluate(np.column_stack([A1, np.full(len(A1), value), A4])).values
-        v, w = Y.T.reshape(2, len(grid), len(grid))
+        v, w = (Y[:, list(model.output_names).index(name)].reshape(len(grid), -1) for name in ("v", "w"))
         found.append(Slice(value, grid, v, w))
     return tuple(found)

@@ -18,6 +18,7 @@ COLOURS = {
     "stable, off the path": "#009E73",
     "does not stand": "#CC79A7",
     "prestress lost": "#D55E00",
+    "spurious root, beyond the law": "#8c8c8c",
     "not converged": "#000000",
 }
 """Okabe and Ito's palette, one colour an outcome."""
@@ -39,7 +40,7 @@ def outcome_figure(
     ours
         By group, procedure and outcome, in percent.
     """
-    made = figure(3.1)
+    made = figure(3.3)
     for column, group in enumerate(printed):
         axes = made.add_subplot(1, len(printed), column + 1)
         bars = {"printed": printed[group]} | {
@@ -69,7 +70,7 @@ def outcome_figure(
         axes.invert_yaxis()
         axes.set_xlim(0.0, 100.0)
         axes.set_xlabel("share of runs [%]")
-        axes.set_title(group)
+        axes.set_title(f"({'ab'[column]}) {group}")
         axes.grid(visible=False, axis="y")
     _legend(made)
     return made

@@ -1,234 +1,213 @@
 """Fig. 20: which runs are learned from, by clusters of their outputs and by the solver's certificate."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from time import perf_counter
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.report import Table, number
 from tensegra.report.figures import output_figure
-from tensegra.study import Selection, TrainingData, select
+from tensegra.study import TrainingData
 from tensegra_paper.beam_model import BeamRuns
 from tensegra_paper.chapter import Agreement, Chapter, Figure, Row
-from tensegra_paper.chapters.selection.figures import kept_figure
+from tensegra_paper.chapters.selection.figures import MOST_POINTS, kept_figure
+from tensegra_paper.claims import finding
+from tensegra_paper.groups import OUTPUTS, PRINTED_GROUPS, Groups, run_table, stepped_groups
 from tensegra_paper.models import (
     LIFT_INPUTS,
-    NETWORK,
     cable_model,
     lift_data,
     lift_runs,
     lift_surrogate,
     trained,
 )
-from tensegra_paper.published import published, published_number
+from tensegra_paper.published import published_number
 from tensegra_paper.setting import Setting
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tensegra.surrogate import Surrogate
 
 __all__ = ["selection"]
 
-Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
-
-OUTPUTS = ("u", "v", "w")
-"""What the publication's q of Eq. 10 holds."""
-
-CLUSTERED = (OUTPUTS, ("v", "w"), ("w",))
-"""Outputs that are clustered; which of them the publication took is not printed."""
 
 LARGEST_SHARE_OF_ERROR, SMALLEST_SHARE_RIGHT = 5e-4, 0.99
 """Mean error over mean displacement on all designs that stand, and share of outcomes predicted right."""
 
-N_POLYNOMIAL, N_NETWORK = 10_000, 2000
-"""Most runs that a polynomial and the network learn from, to tell the rules of selection apart."""
+N_POLYNOMIAL = 10_000
+"""Most runs that a polynomial learns from, to tell the rules of selection apart."""
+
+FEW = 4096
+"""Runs that are clustered once more alone: what the rule finds depends on their number."""
+
+MOST_GROUPS = 4
+"""Groups that a table tells apart."""
 
 MAX_DEGREE, FEWEST_KEPT = 10, 500
 """Of the polynomial, and the runs that its 286 terms need; a rule that keeps fewer has nothing to show."""
 
 
-@dataclass(frozen=True)
-class Clusters:
-    """What HDBSCAN made of some outputs.
-
-    Attributes
-    ----------
-    outputs
-        What was clustered.
-    found
-        Groups and agreement with the certificate.
-    seconds
-        Time that it took.
-    """
-
-    outputs: tuple[str, ...]
-    found: Selection
-    seconds: float
-
-    @property
-    def n_groups(self) -> int:
-        """Number of groups."""
-        return int(self.found.labels.max()) + 1
-
-    def counts(self, stands: Mask) -> tuple[int, int, int]:
-        """Return the numbers of runs kept, of these that do not stand, and of others that stand."""
-        kept = self.found.keep
-        return int(kept.sum()), int((kept & ~stands).sum()), int((~kept & stands).sum())
-
-
 def selection(setting: Setting) -> Chapter:
-    """Cluster the runs of three actuations, compare with the certificate, and learn from those kept."""
-    runs = lift_runs(setting)
-    setting.tell(f"Fig. 20: {runs.n_runs} runs in {runs.seconds:.0f} s")
-    frame = _frame(runs)
-    clusters = tuple(_clusters(frame, outputs) for outputs in CLUSTERED)
+    """Cluster the stepped runs as the publication does, and compare with the certificate of stable paths."""
+    stepped, path = lift_runs(setting, stepped=True), lift_runs(setting)
+    setting.tell(
+        f"Fig. 20: {stepped.n_runs} runs in {stepped.seconds:.0f} s, again along paths {path.seconds:.0f} s"
+    )
+    groups = tuple(stepped_groups(setting, outputs) for outputs in (PRINTED_GROUPS, OUTPUTS))
+    few = stepped_groups(setting, PRINTED_GROUPS, min(FEW, stepped.n_runs))
     surrogate = lift_surrogate(setting)
-    compared = _compared(setting, runs, clusters)
-    rules = {"certified": runs.stands}
-    rules |= {f"group of ({', '.join(each.outputs)})": each.found.keep for each in clusters[:2]}
+    compared = _compared(setting, stepped, path, groups)
     study = cable_model(setting, LIFT_INPUTS, OUTPUTS).study
-    first = clusters[0]
-    kept, _, _ = first.counts(runs.stands)
+    frame = run_table(path)
+    shown = min(MOST_POINTS, stepped.n_runs)
     return Chapter(
         name="selection",
         title="Selection of the runs to learn from (Fig. 20)",
         figures=(
             Figure(
                 "fig-20-clusters",
-                f"All of {runs.n_runs} runs, and the selected ones. By the solver's certificate, and by "
-                "the largest group that HDBSCAN finds (smallest group 40 runs), the publication's rule",
-                lambda: kept_figure(runs.v, runs.w, runs.stands, rules),
+                f"The first {shown} of {stepped.n_runs} stepped runs. (a) All that converged; (b) the "
+                "largest group of (v, w) that HDBSCAN finds with a smallest group of 40, the publication's "
+                "rule, with the runs that it leaves out on top; (c) the same of (u, v, w)",
+                lambda: kept_figure(stepped, {each.name: each.keep for each in groups}),
             ),
             Figure(
-                "fig-20-certificate",
-                "The same runs by what the solver says of them. Outputs over the three actuations",
+                "certified-outcomes",
+                f"The same designs followed along stable paths, {min(4000, path.n_runs)} of {path.n_runs} "
+                "drawn at random. Outputs over the three actuations, by what the solver says of each run",
                 lambda: output_figure(study, frame),
             ),
         ),
-        rows=(*_rows(runs, clusters), *_surrogate_rows(surrogate)),
-        text=_text(runs, clusters, surrogate),
-        findings=(
-            (
-                "Clusters of the outputs do not find the runs that stand: the largest group of (u, v, w) "
-                f"keeps {100 * kept / runs.n_runs:.0f} % of the runs (printed: 98.4 %), while the solver "
-                f"certifies {100 * runs.stands.mean():.1f} %."
-            ),
-        ),
-        tables=(*(_agreement_table(each) for each in clusters), _comparison_table(compared)),
+        rows=(*_rows(stepped, path, groups, few), *_surrogate_rows(surrogate)),
+        text=_text(stepped, path, groups, surrogate),
+        findings=_findings(stepped, groups),
+        tables=(*(_agreement_table(each, stepped) for each in groups), _comparison_table(compared)),
         seconds={
-            "runs": runs.seconds,
+            "stepped runs": stepped.seconds,
+            "runs along stable paths": path.seconds,
             "training": surrogate.seconds,
-            **{f"HDBSCAN of ({', '.join(each.outputs)})": each.seconds for each in clusters},
+            **{f"HDBSCAN of {each.name}": each.seconds for each in groups},
         },
         seeds={name: setting.seed_of(name) for name in ("lift", "lift-held-out", "surrogate lift")},
     )
 
 
-def _frame(runs: BeamRuns) -> "pd.DataFrame":
-    """Return inputs, outputs and statuses as the selection and its figures take them."""
-    import pandas as pd
-
-    outputs = runs.tip.mean(axis=1)
-    columns = dict(runs.inputs) | dict(zip(OUTPUTS, outputs.T, strict=True))
-    return pd.DataFrame({**columns, "status": runs.status})
-
-
-def _clusters(frame: "pd.DataFrame", outputs: Sequence[str]) -> Clusters:
-    began = perf_counter()
-    size = int(published("selection", "min_cluster_size"))
-    found = select(frame, list(outputs), method="hdbscan", min_cluster_size=size)
-    return Clusters(tuple(outputs), found, perf_counter() - began)
+def _findings(stepped: BeamRuns, groups: Sequence[Groups]) -> tuple[str, ...]:
+    first = groups[0]
+    kept, fallen, lost = first.counts(stepped.stands)
+    lost_prestress = int((first.keep & (stepped.status == "collapsed")).sum())
+    return (
+        (
+            f"The publication's selection, run as printed, finds {first.n_groups} groups of {first.name} "
+            f"(printed: 4) and leaves out {100 * lost / stepped.stands.sum():.2g} % of the runs that stand. "
+            f"The largest group holds {kept} of {stepped.n_runs} runs (printed: 98,365), of which {fallen} "
+            f"do not stand; {lost_prestress} of these have lost their prestress and come to rest among "
+            "standing ones, where no cluster of positions can tell them apart."
+        ),
+    )
 
 
 def _compared(
-    setting: Setting, runs: BeamRuns, clusters: Sequence[Clusters]
+    setting: Setting, stepped: BeamRuns, path: BeamRuns, groups: Sequence[Groups]
 ) -> list[tuple[str, str, int, int, tuple[float, ...]]]:
     """Learn from the runs that each rule keeps, and return (rule, kind, runs, not standing, errors) for each.
 
     The errors are mean |error| over mean |displacement|, of v and of w, on held-out designs that stand.
     """
     held_out = lift_data(setting, lift_runs(setting, held_out=True)).runs
-    rules: dict[str, Mask] = {"certified by the solver": runs.stands}
-    rules |= {f"largest group of ({', '.join(each.outputs)})": each.found.keep for each in clusters[:2]}
+    rules: list[tuple[str, BeamRuns, Mask]] = [("certified along stable paths", path, path.stands)]
+    rules += [(f"largest group of {each.name}, stepped", stepped, each.keep) for each in groups]
     results = []
-    for i, (rule, kept) in enumerate(rules.items()):
+    for i, (rule, runs, kept) in enumerate(rules):
         if kept.sum() < FEWEST_KEPT:
             continue
-        kinds: dict[str, tuple[str, int, dict[str, Any]]] = {
-            f"polynomial, degree {MAX_DEGREE}": ("pce", N_POLYNOMIAL, {"degree": MAX_DEGREE})
-        }
-        if i == 0:
-            kinds["the publication's network"] = ("nn", N_NETWORK, dict(NETWORK))
-        for label, (kind, most, options) in kinds.items():
-            n_most = setting.count(most, least=500 if kind == "nn" else 1000)
-            chosen = np.flatnonzero(kept)[:n_most]
-            data = TrainingData(
-                X=runs.X[chosen],
-                Y=np.column_stack([runs.v, runs.w])[chosen],
-                bounds=held_out.box,
-                input_names=held_out.input_names,
-                output_names=held_out.output_names,
-            )
-            surrogate = trained(setting, f"kept-{i}-{kind}", data, kind, held_out, **options)
-            assert surrogate.validation is not None  # noqa: S101 - asked for
-            fallen = int((~runs.stands[chosen]).sum())
-            results.append((rule, label, len(chosen), fallen, surrogate.validation.normalised_error))
+        chosen = np.flatnonzero(kept)[: setting.count(N_POLYNOMIAL, least=1000)]
+        data = TrainingData(
+            X=runs.X[chosen],
+            Y=np.column_stack([runs.v, runs.w])[chosen],
+            bounds=held_out.box,
+            input_names=held_out.input_names,
+            output_names=held_out.output_names,
+        )
+        surrogate = trained(setting, f"kept-{i}-pce", data, "pce", held_out, degree=MAX_DEGREE)
+        assert surrogate.validation is not None  # noqa: S101 - asked for
+        fallen = int((~runs.stands[chosen]).sum())
+        label = f"polynomial, degree {MAX_DEGREE}"
+        results.append((rule, label, len(chosen), fallen, surrogate.validation.normalised_error))
     whole = lift_surrogate(setting).validation
     assert whole is not None  # noqa: S101 - asked for
-    results.append(("all, by regime", "a piece for each regime", runs.n_runs, -1, whole.normalised_error))
+    results.append(("all, by regime", "a piece for each regime", path.n_runs, -1, whole.normalised_error))
     return results
 
 
-def _rows(runs: BeamRuns, clusters: Sequence[Clusters]) -> list[Row]:
-    printed = published("selection")
-    share = 100 * printed["kept"] / printed["samples"]
-    rows = [
+def _rows(stepped: BeamRuns, path: BeamRuns, groups: Sequence[Groups], few: Groups) -> list[Row]:
+    first, whole = groups
+    kept, fallen, lost = first.counts(stepped.stands)
+    stand, n_runs = int(stepped.stands.sum()), stepped.n_runs
+    converged = int((stepped.status != "failed").sum())
+    other_kept, other_fallen, other_lost = whole.counts(stepped.stands)
+    data = "stepped runs, as printed; which outputs were clustered and how they were scaled is not said"
+    return [
+        finding(
+            "four groups",
+            f"groups of {first.name}",
+            float(first.n_groups),
+            "",
+            f"{whole.n_groups} of {whole.name}; of the first {len(few.labels)} runs alone {few.n_groups}, "
+            f"the largest with {100 * few.keep.mean():.0f} %: what the rule finds depends on the number of "
+            f"runs; {data}",
+            groups=first.n_groups,
+        ),
+        finding(
+            "largest group",
+            f"runs in the largest group of {first.name}",
+            100.0 * kept / n_runs,
+            "%",
+            f"{kept} of {n_runs}, of which {converged} converged; {100 * other_kept / n_runs:.1f} % of "
+            f"{whole.name}. The printed share is that of Fig. 6a, with gravity and [1, 10] %, while Fig. 6b "
+            "prints about half for designs like these",
+            share=100.0 * kept / n_runs,
+        ),
+        finding(
+            "all viable",
+            "runs that stand and are left out",
+            100.0 * lost / stand,
+            "%",
+            f"{lost} of {stand}; {100 * other_lost / stand:.2g} % with {whole.name}",
+            left_out=100.0 * lost / stand,
+        ),
+        finding(
+            "upward alone",
+            "runs in the largest group that do not stand",
+            100.0 * fallen / max(kept, 1),
+            "%",
+            f"{fallen} of {kept}, of which {int((first.keep & (stepped.status == 'collapsed')).sum())} have "
+            f"lost their prestress; {100 * other_fallen / max(other_kept, 1):.1f} % with {whole.name}",
+            fallen=100.0 * fallen / max(kept, 1),
+        ),
         Row(
             "Fig. 20",
-            "runs that the solver certifies",
-            share,
-            100.0 * float(runs.stands.mean()),
+            "runs that stand, stepped and along stable paths",
+            None,
+            f"{100 * stepped.stands.mean():.1f}, {100 * path.stands.mean():.1f}",
             "%",
             Agreement.VALUE,
             None,
-            "stable equilibria. The printed share is the one of Fig. 6a, which has gravity and [1, 10] %; "
-            "without gravity the publication itself prints about half in [1, 30] % (Fig. 6b)",
-        )
+            f"of the same {n_runs} designs; {100 * np.mean(stepped.status == 'failed'):.1f} % of the "
+            "stepped runs do not converge, none along stable paths",
+        ),
+        Row(
+            "Appendix B",
+            "selected runs that meet the convergence tolerance",
+            "all",
+            "all",
+            "",
+            Agreement.INPUT,
+            None,
+            "runs that do not converge have no outputs to be clustered, so that it could not be otherwise",
+        ),
     ]
-    for each in clusters:
-        name = ", ".join(each.outputs)
-        kept, fallen, lost = each.counts(runs.stands)
-        rows += [
-            Row(
-                "Fig. 20",
-                f"runs in the largest group of ({name})",
-                share,
-                100.0 * kept / runs.n_runs,
-                "%",
-                Agreement.VALUE,
-                None,
-                f"{kept} runs, of which {fallen} do not stand; {lost} that stand are left out. Which "
-                "outputs were clustered is not printed, nor how they were scaled; here they are "
-                "standardised",
-            ),
-            Row(
-                "Fig. 20",
-                f"groups of ({name})",
-                float(printed["groups"]),
-                float(each.n_groups),
-                "",
-                Agreement.VALUE,
-                None,
-                f"{int((each.found.labels < 0).sum())} runs belong to none; the number depends on what is "
-                "clustered",
-            ),
-        ]
-    return rows
 
 
 def least_right(n_train: int) -> float:
@@ -293,39 +272,60 @@ def _surrogate_rows(surrogate: "Surrogate") -> list[Row]:
     return rows
 
 
-def _text(runs: BeamRuns, clusters: Sequence[Clusters], surrogate: "Surrogate") -> tuple[str, ...]:
-    names, counts = np.unique(runs.status, return_counts=True)
-    listed = ", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True))
-    first, second = clusters[0].counts(runs.stands), clusters[1].counts(runs.stands)
+def _text(
+    stepped: BeamRuns, path: BeamRuns, groups: Sequence[Groups], surrogate: "Surrogate"
+) -> tuple[str, ...]:
+    listed = {
+        how: ", ".join(
+            f"{n} {name}" for name, n in zip(*np.unique(runs.status, return_counts=True), strict=True)
+        )
+        for how, runs in (("stepped", stepped), ("path", path))
+    }
+    first, whole = (each.counts(stepped.stands) for each in groups)
     return (
         (
-            f"{runs.n_runs} Sobol points of (A1, A23, A4) in [0, 30] %, without gravity: {listed}. A run is "
-            "collapsed where the prestress is lost on the way; it then has no unique position."
+            f"{stepped.n_runs} Sobol points of (A1, A23, A4) in [0, 30] %, without gravity, solved twice: in "
+            f"increments of 1 % by plain Newton–Raphson, as the publication does it ({listed['stepped']}), "
+            f"and along stable paths ({listed['path']}). A collapsed run has lost its prestress and has no "
+            "unique position."
         ),
         (
-            "HDBSCAN with a smallest group of 40, as in the publication, on standardised outputs. In (u, "
-            f"v, w) it finds {clusters[0].n_groups} groups, of which the largest keeps {first[0]} runs, "
-            f"{first[1]} of them collapsed. In (v, w) the largest keeps {second[0]}, but {second[1]} of "
-            f"these are collapsed and {second[2]} that stand are left out: collapsed structures come to rest "
-            "among standing ones. The solver's certificate asks the equilibrium itself."
+            "The publication's rule, on the publication's kind of data: HDBSCAN with a smallest group of 40, "
+            f"runs that did not converge as noise, the largest group kept. In {groups[0].name} it keeps "
+            f"{first[0]} runs and leaves out {first[2]} that stand; {first[1]} of those kept do not stand. "
+            f"In {groups[1].name} it keeps {whole[0]}, leaves out {whole[2]} and keeps {whole[1]} that do "
+            "not stand. What no cluster of positions can see are runs without prestress among those with: "
+            "the solver's certificate asks the equilibrium itself. The publication speaks of 'the first two "
+            "groups' as its database and of the largest one as well; here it is the largest."
         ),
         (
             "The last table trains the same polynomial on what each rule keeps, and measures it on held-out "
-            "designs that stand: what is learned from matters more than how. The surrogate that the "
-            f"optimisation uses learns from all {surrogate.n_train} runs, a piece for each regime, with the "
-            "probability of each outcome."
+            "designs that stand along stable paths. The surrogate that our optimisation uses learns from all "
+            f"{surrogate.n_train} runs along stable paths, a piece for each regime, with the probability of "
+            "each outcome; the next chapter goes the publication's way to the end."
         ),
     )
 
 
-def _agreement_table(clusters: Clusters) -> Table:
-    table = clusters.found.table
-    rows = [
-        (str(status), *(str(int(count)) for count in row))
-        for status, row in zip(table.index, table.to_numpy(), strict=True)
-    ]
-    title = f"Certificate and groups of ({', '.join(clusters.outputs)}), runs"
-    return Table.of(title, ("Status", *map(str, table.columns)), rows, "s" + "r" * len(table.columns))
+def _statuses(runs: BeamRuns) -> str:
+    names, counts = np.unique(runs.status, return_counts=True)
+    return ", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True))
+
+
+def _agreement_table(groups: Groups, stepped: BeamRuns) -> Table:
+    """Count the runs of each status in each group."""
+    columns = list(range(min(groups.n_groups, MOST_GROUPS)))
+    rows = []
+    for status in np.unique(stepped.status):
+        own = groups.labels[stepped.status == status]
+        cells = [int((own == label).sum()) for label in columns]
+        rows.append(
+            (str(status), *cells, int(((own >= len(columns)) & (own >= 0)).sum()), int((own < 0).sum()))
+        )
+    header = ("Status", *(f"group {label}" for label in columns), "further", "none")
+    return Table.of(
+        f"Certificate and groups of {groups.name}, stepped runs", header, rows, "s" + "r" * (len(header) - 1)
+    )
 
 
 def _comparison_table(compared: Sequence[tuple[str, str, int, int, tuple[float, ...]]]) -> Table:

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegra.report.figures import COLOURS, GREY, grid, legend_above, styled
+from tensegra.report.figures import BLACK, COLOURS, grid, legend_above, styled
+from tensegra_paper.beam_model import BeamRuns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["kept_figure"]
+__all__ = ["MOST_POINTS", "kept_figure"]
 
-Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 
 MOST_POINTS = 12_000
@@ -24,42 +24,59 @@ Of more the first are drawn: the beginning of Sobol's sequence fills the box, ev
 
 
 @styled
-def kept_figure(v: Array, w: Array, stands: Mask, rules: Mapping[str, Mask]) -> "Figure":
-    """Draw the runs in the plane of v and w, a panel for each rule of selection.
+def kept_figure(runs: BeamRuns, rules: Mapping[str, Mask]) -> "Figure":
+    """Draw the runs in the plane of v and w: all of them, then a panel for each rule of selection.
 
     Parameters
     ----------
-    v, w
-        Displacements, shape (n_runs,), cm.
-    stands
-        Whether each run stands, by the solver.
+    runs
+        What is selected from; those that failed have no place.
     rules
         By name, which runs are kept.
     """
-    made, panels = grid(len(rules), height=2.6)
+    made, panels = grid(1 + len(rules), height=2.8)
     thin = slice(0, MOST_POINTS)
-    for axes, (name, kept) in zip(panels, rules.items(), strict=True):
-        for label, mask, colour in (
-            ("left out", ~kept, GREY),
-            ("kept, stands", kept & stands, COLOURS[0]),
-            ("kept, collapsed", kept & ~stands, COLOURS[1]),
-        ):
-            shown = mask[thin]
+    everything: list[tuple[str, Mask, str]] = [
+        ("stands", runs.stands, COLOURS[0]),
+        ("prestress lost", runs.status == "collapsed", COLOURS[1]),
+        ("does not stand", runs.status == "unstable", COLOURS[2]),
+        ("left out, stands or not", np.zeros(runs.n_runs, dtype=np.bool_), BLACK),
+    ]
+    for k, axes in enumerate(panels):
+        kept = runs.status != "failed"
+        title = f"all, {100 * kept.mean():.1f} % converged"
+        shown = everything[:3] if k else everything
+        if k:
+            name, chosen = list(rules.items())[k - 1]
+            title = f"group of {name}: {100 * chosen.mean():.1f} %"
+            shown = [(label, mask & chosen, colour) for label, mask, colour in shown]
+            # On top, where what is kept would hide them.
+            shown.append(("", kept & ~chosen, BLACK))
+        for label, mask, colour in shown:
             axes.scatter(
-                v[thin][shown],
-                w[thin][shown],
+                runs.v[thin][mask[thin]],
+                runs.w[thin][mask[thin]],
                 s=2.0,
                 color=colour,
-                alpha=0.35 if colour == GREY else 0.7,
+                alpha=0.6,
                 linewidths=0,
                 label=label,
                 rasterized=True,
             )
-        axes.set_title(f"{name}: {100 * kept.mean():.1f} %")
+        axes.set_title(f"({'abc'[k]}) {title}")
         axes.set_xlabel("v [cm]")
+        axes.set_ylim(*_limits(runs))
+        axes.set_xlim(*_limits(runs, "v"))
     panels[0].set_ylabel("w [cm]")
     legend_above(made, panels[0], scale=4.0)
     for handle in made.legends[0].legend_handles:
         if handle is not None:
             handle.set_alpha(1.0)
     return made
+
+
+def _limits(runs: BeamRuns, output: str = "w") -> tuple[float, float]:
+    """Return where nearly all runs lie: a few spurious roots lie metres away."""
+    low, high = np.nanquantile(getattr(runs, output), [0.002, 0.998])
+    pad = 0.05 * (high - low)
+    return float(low - pad), float(high + pad)
