@@ -102,7 +102,8 @@ CLAIMS: Mapping[str, Claim] = {
     "two shapes": Claim(
         "Fig. 5",
         "one regular, one irregular",
-        "other lengths of the loading steps end in another equilibrium within small strain",
+        "other lengths of the loading steps end in another equilibrium than the upward one, within small "
+        "strain",
         lambda largest_strain, limit: largest_strain is not None and largest_strain <= limit,
     ),
     "upward with gravity": Claim("Fig. 6a", 98.4, "it is the printed share within a point", _share(98.4)),

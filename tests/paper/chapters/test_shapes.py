@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from tensegra_paper.chapters.shapes.chapter import _pair_row, find_pair, shapes
+from tensegra_paper.chapters.shapes.chapter import _pair_row, shapes
+from tensegra_paper.chapters.shapes.pair import find_pair
 from tensegra_paper.setting import STRUCTURES, Setting
 
 

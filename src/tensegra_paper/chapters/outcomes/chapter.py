@@ -13,7 +13,7 @@ from tensegra.report import Table
 from tensegra_paper.beam_model import BeamRuns
 from tensegra_paper.chapter import Agreement, Chapter, Figure, Row
 from tensegra_paper.chapters.outcomes.figures import outcome_figure
-from tensegra_paper.chapters.shapes.chapter import ELSEWHERE
+from tensegra_paper.chapters.shapes.pair import ELSEWHERE
 from tensegra_paper.claims import CLAIMS, finding
 from tensegra_paper.published import published
 from tensegra_paper.setting import Setting

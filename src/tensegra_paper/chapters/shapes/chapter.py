@@ -1,16 +1,16 @@
-"""Figs. 3 to 5: the beam, its shapes along the actuation, and two shapes for one actuation."""
+"""Figs. 1 to 5: the beam, its shapes along the actuation, and two shapes for one actuation."""
 
-from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
 
-from tensegra.mechanics import EquilibriumPath, PathSettings, Status, solve_path
+from tensegra.mechanics import EquilibriumPath, Status, solve_path
 from tensegra.report import Table, number
 from tensegra.report.figures import structure_figure
 from tensegra.structure import STRAIN_LIMIT, Structure
 from tensegra_paper.beam_model import TIP
 from tensegra_paper.chapter import Agreement, Chapter, Figure, Row
+from tensegra_paper.chapters.shapes.pair import INCREMENTS, NOMINAL, Pair, find_pair, tip
 from tensegra_paper.claims import finding
 from tensegra_paper.published import published_number
 from tensegra_paper.setting import Setting
@@ -22,16 +22,6 @@ CLUSTERED = ("K1", "K2", "K3", "K4")
 
 SNAPSHOTS = (0.01, 0.05, 0.10)
 """Actuations of the three shapes of Fig. 4."""
-
-NOMINAL = (0.10, 0.20, 0.30)
-"""Actuations A14 = A23 among which one with two shapes is looked for, the publication's own first."""
-
-INCREMENTS = (0.01, 0.005, 0.02, 0.03, 0.04, 0.05, 0.10, 0.15)
-"""Increments of the stepped procedure that are tried, the publication's own 1 % first."""
-
-ELSEWHERE = 0.1
-"""Centimetres between two ends of the tip that are different equilibria: far above the residual's
-effect on the softest mode (below 1e-3), far below the distance of any two branches that were seen."""
 
 
 def shapes(setting: Setting) -> Chapter:
@@ -92,88 +82,6 @@ def shapes(setting: Setting) -> Chapter:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Pair:
-    """An actuation that the stepped procedure answers with two shapes.
-
-    Attributes
-    ----------
-    structure, actuation
-        The beam with or without gravity, and A14 = A23.
-    stepped
-        End of the stepped procedure by increment.
-    robust
-        End of the path that is followed along its stable equilibria.
-    regular, irregular
-        Increments that end where the path ends, and elsewhere.
-    """
-
-    structure: Structure
-    actuation: float
-    stepped: dict[float, EquilibriumPath]
-    robust: EquilibriumPath
-    regular: float
-    irregular: float
-
-    @property
-    def admissible(self) -> bool:
-        """Whether the irregular end is within small strain."""
-        return not self.stepped[self.irregular].final.warnings
-
-    @property
-    def gravity(self) -> str:
-        """Whether there is gravity, in words."""
-        return "with gravity" if any(self.structure.gravity) else "without gravity"
-
-
-def find_pair(setting: Setting) -> Pair | None:
-    """Look for an actuation with a regular and an irregular end by different increments.
-
-    The actuations are A14 = A23 = 10, 20, 30 %, with gravity first. An irregular end within small strain is
-    taken before any other, whichever the actuation; where there is none, the first that is found, its lowest
-    tip: a root beyond the law.
-
-    Returns
-    -------
-    Pair or None
-        None where no increment leads elsewhere.
-    """
-    beyond: Pair | None = None
-    for value in NOMINAL:
-        for structure in (setting.structure, setting.without_gravity):
-            actuation = {"A14": value, "A23": value}
-            robust = solve_path(structure, actuation)
-            stepped = {
-                increment: solve_path(
-                    structure, actuation, settings=PathSettings(path="stepped", increment=increment)
-                )
-                for increment in INCREMENTS
-            }
-            away = {i: _distance(path, robust) for i, path in stepped.items()}
-            regular = [i for i, distance in away.items() if distance <= ELSEWHERE]
-            irregular = [i for i, distance in away.items() if ELSEWHERE < distance < np.inf]
-            if not (robust.final.succeeded and regular and irregular):
-                continue
-            small = [i for i in irregular if not stepped[i].final.warnings]
-            lowest = min(small or irregular, key=lambda i: _tip(stepped[i], "z"))
-            pair = Pair(structure, value, stepped, robust, regular[0], lowest)
-            if small:
-                return pair
-            beyond = beyond or pair
-    return beyond
-
-
-def _distance(path: EquilibriumPath, other: EquilibriumPath) -> float:
-    """Return how far apart two paths end at the tip; infinity where one has no end."""
-    if Status.FAILED in (path.status, other.status):
-        return np.inf
-    return float(max(np.linalg.norm(path.final.node(node) - other.final.node(node)) for node in TIP))
-
-
-def _tip(path: EquilibriumPath, axis: str) -> float:
-    return float(path.displacement(axis, nodes=list(TIP)))
-
-
 def _structure_rows(beam: Structure) -> tuple[Row, ...]:
     """Return what was put into the beam: read back, so that it could not fail."""
     members = beam.members.values()
@@ -211,8 +119,8 @@ def _structure_rows(beam: Structure) -> tuple[Row, ...]:
 
 
 def _shape_rows(paths: dict[float, EquilibriumPath]) -> tuple[Row, ...]:
-    w = [_tip(path, "z") for path in paths.values()]
-    v = [abs(_tip(path, "y")) for path in paths.values()]
+    w = [tip(path, "z") for path in paths.values()]
+    v = [abs(tip(path, "y")) for path in paths.values()]
     strains = [100.0 * path.final.largest_strain for path in paths.values()]
     w_text, v_text, strain_text = (
         ", ".join(number(value, 4) for value in values) for values in (w, v, strains)
@@ -276,12 +184,12 @@ def _pair_row(pair: Pair | None) -> Row:
     return finding(
         "two shapes",
         quantity,
-        f"w {number(_tip(pair.stepped[pair.regular], 'z'), 4)} and {number(_tip(irregular, 'z'), 4)} cm",
+        f"w {number(tip(pair.stepped[pair.regular], 'z'), 4)} and {number(tip(irregular, 'z'), 4)} cm",
         "",
-        f"A14 = A23 = {100 * pair.actuation:g} % {pair.gravity}, increments of {100 * pair.regular:g} and "
-        f"{100 * pair.irregular:g} %; the second end is {irregular.status} with {_strained(irregular)}, the "
-        f"limit is {100 * limit:g} %. Increments of {_percent(INCREMENTS)} were tried at A14 = A23 = "
-        f"{_percent(NOMINAL)}; which the publication took is not printed",
+        f"{pair.told}, increments of {100 * pair.regular:g} and {100 * pair.irregular:g} %; the second end "
+        f"is {irregular.status} with {_strained(irregular)}, the limit is {100 * limit:g} %. Increments of "
+        f"{_percent(INCREMENTS)} were tried at A14 = A23 = {_percent(NOMINAL)} and at random ones; which "
+        "the publication took is not printed",
         largest_strain=irregular.final.largest_strain,
         limit=limit,
     )
@@ -300,9 +208,8 @@ def _pair_figure(pair: Pair | None) -> tuple[Figure, ...]:
     return (
         Figure(
             "fig-05-two-shapes",
-            f"Two ends of the stepped procedure for A14 = A23 = {100 * pair.actuation:g} % {pair.gravity}. "
-            f"(a) ends where the path of stable equilibria ends, with {_strained(pair.robust)}; (b) has "
-            f"{strained}",
+            f"Two ends of the stepped procedure for {pair.told}. (a) ends where the path of stable "
+            f"equilibria ends, with {_strained(pair.robust)}; (b) has {strained}",
             lambda: views_figure(pair.structure, ends, reference=reference),
         ),
     )
@@ -316,14 +223,20 @@ def _pair_text(pair: Pair | None) -> tuple[str, ...]:
     irregular = pair.stepped[pair.irregular]
     told = (
         "The publication gets an irregular shape beside the regular one by another length of the loading "
-        f"steps. Here, under A14 = A23 = {100 * pair.actuation:g} % {pair.gravity}, increments of "
-        f"{100 * pair.irregular:g} % end at w = {number(_tip(irregular, 'z'), 4)} cm, {irregular.status}, "
-        f"with {_strained(irregular)}; the path followed in adaptive steps is {pair.robust.status} all the "
-        f"way and ends at w = {number(_tip(pair.robust, 'z'), 4)} cm with {_strained(pair.robust)}, where "
-        f"increments of {100 * pair.regular:g} % end too. "
+        f"steps. Here, under {pair.told}, increments of {100 * pair.irregular:g} % end at w = "
+        f"{number(tip(irregular, 'z'), 4)} cm, {irregular.status}, with {_strained(irregular)}; the path "
+        f"followed in adaptive steps is {pair.robust.status} all the way and ends at w = "
+        f"{number(tip(pair.robust, 'z'), 4)} cm with {_strained(pair.robust)}, where increments of "
+        f"{100 * pair.regular:g} % end too. "
     )
     if pair.admissible:
-        return (told + "Both are within small strain.",)
+        return (
+            (
+                f"{told}Both are within small strain: plain Newton–Raphson leaves the branch where a step "
+                "is too "
+                "long for it, and nothing in it tells. It is rare (Fig. 6)."
+            ),
+        )
     return (
         told + "The other end is a root of the equations that no rope could reach: the linear law was left "
         "far behind. It is no evidence about the shape in Fig. 5b, of which neither actuation nor strain is "
@@ -332,9 +245,17 @@ def _pair_text(pair: Pair | None) -> tuple[str, ...]:
 
 
 def _pair_findings(pair: Pair | None) -> tuple[str, ...]:
-    if pair is None or pair.admissible:
+    if pair is None:
         return ()
     irregular = pair.stepped[pair.irregular]
+    if pair.admissible:
+        return (
+            (
+                "Two shapes of one actuation by other lengths of the steps, as in Fig. 5, exist within small "
+                f"strain ({pair.told}), but many ends of plain Newton–Raphson off the stable path are "
+                "spurious roots far beyond it (Fig. 6)."
+            ),
+        )
     return (
         (
             "Other increments of plain Newton–Raphson do end elsewhere (Fig. 5), but what was found here is "
@@ -350,14 +271,14 @@ def _increment_table(pair: Pair) -> Table:
         (
             name,
             str(path.status),
-            number(_tip(path, "y"), 5) if path.final.status != Status.FAILED else number(None),
-            number(_tip(path, "z"), 5) if path.final.status != Status.FAILED else number(None),
+            number(tip(path, "y"), 5) if path.final.status != Status.FAILED else number(None),
+            number(tip(path, "z"), 5) if path.final.status != Status.FAILED else number(None),
             number(100.0 * path.final.largest_strain, 3),
             path.reason,
         )
         for name, path in rows
     ]
-    title = f"Ends of A14 = A23 = {100 * pair.actuation:g} % {pair.gravity} by procedure and increment"
+    title = f"Ends of {pair.told} by procedure and increment"
     return Table.of(
         title, ("Procedure", "Status", "v [cm]", "w [cm]", "Strain [%]", "What it says"), cells, "lsrrrl"
     )
