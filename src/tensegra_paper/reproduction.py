@@ -11,6 +11,11 @@ from tensegra_paper.setting import Setting
 
 __all__ = ["Reproduction", "Tally"]
 
+LESS = (
+    " With fewer runs than printed, what depends on their number (Figs. 17, 18 and 20, Eq. 12) is compared "
+    "and not judged."
+)
+
 
 @dataclass(frozen=True)
 class Tally:
@@ -112,7 +117,7 @@ class Reproduction:
             f"Of {counts.finding} printed claims {counts.finding - counts.finding_held} do not hold on this "
             f"beam and {counts.finding_held} do; of {counts.method} checks of our method "
             f"{counts.method_held} hold. {counts.value} more numbers are compared and not judged, "
-            f"{counts.input} were put in or fitted to the print."
+            f"{counts.input} were put in or fitted to the print." + (LESS if self.stamp.scale < 1.0 else "")
         )
 
     @property

@@ -96,7 +96,9 @@ def test_the_quick_chapters_give_the_committed_numbers(committed, tmp_path):
 
 def test_every_printed_claim_is_counted_once(committed):
     findings = [cells for cells in committed if cells["Agreement"] == "finding"]
-    assert sorted(cells["Place"] for cells in findings) == sorted(claim.place for claim in CLAIMS.values())
+    whole = "--scale" not in COMMITTED.read_text(encoding="utf-8")
+    judged = [claim.place for claim in CLAIMS.values() if whole or not claim.whole]
+    assert sorted(cells["Place"] for cells in findings) == sorted(judged)
     assert {cells["Holds"] for cells in findings} == {"yes", "no"}
 
 

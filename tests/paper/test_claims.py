@@ -2,6 +2,7 @@
 
 import pytest
 
+from tensegra_paper.chapter import Agreement
 from tensegra_paper.claims import CLAIMS, finding
 
 TOP, BOTTOM = {"A1": 0.5, "A4": 0.4}, {"A2": 0.1, "A3": 0.2}
@@ -89,6 +90,16 @@ def test_a_criterion_can_hold_and_can_fail(key):
     # A number is measured by the only name that the criterion has.
     assert claim.holds(*good.values()) if len(good) == 1 else claim.holds(**good)
     assert not (claim.holds(*bad.values()) if len(bad) == 1 else claim.holds(**bad))
+
+
+def test_what_needs_all_runs_is_not_judged_with_fewer():
+    judged = {
+        scale: finding("four groups", "groups", 4.0, "", "", scale=scale, groups=4) for scale in (0.1, 1.0)
+    }
+    assert judged[1.0].holds is True
+    assert judged[0.1].holds is None
+    assert judged[0.1].agreement is Agreement.VALUE
+    assert "judged with the printed number of runs alone" in judged[0.1].why
 
 
 def test_a_row_is_judged_by_its_claim():

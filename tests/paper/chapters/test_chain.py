@@ -27,8 +27,7 @@ def made(tmp_path_factory):
 
 
 def test_the_chain_runs_to_its_end_and_is_solved_again_by_fem(made):
-    claims = {row.claim: row for row in made.rows if row.claim}
-    assert set(claims) == {"one optimum", "optimum confirmed"}
+    assert sum("judged with the printed number of runs alone" in row.why for row in made.rows) == 2
     rows = {name: cells for name, *cells in made.tables[1].rows}
     assert len(rows["w [cm], FEM"]) == len(chapter.SEARCHED)
     assert set(rows["status, FEM"]) <= {"stable", "snapped", "collapsed", "unstable", "failed"}

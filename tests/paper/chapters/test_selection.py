@@ -15,8 +15,9 @@ def made(tmp_path_factory):
 
 
 def test_the_claims_are_judged_on_stepped_runs(made):
-    findings = {row.claim: row for row in made.rows if row.claim}
-    assert set(findings) == {"four groups", "largest group", "all viable", "upward alone"}
+    # With a two-hundredth of the printed runs they are compared and not judged.
+    assert sum("judged with the printed number of runs alone" in row.why for row in made.rows) == 4
+    assert not any(row.claim for row in made.rows)
     # Of random designs 84 % stand along stable paths; of 512 Sobol points the share is within 3 % of that.
     both = next(row.ours for row in made.rows if row.quantity.startswith("runs that stand, stepped"))
     stepped, path = map(float, both.split(", "))

@@ -6,6 +6,7 @@ it, Adam then L-BFGS (Eq. 10) → SQP, BFGS and Bayesian optimisation on that ne
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -96,6 +97,7 @@ def chain(setting: Setting) -> Chapter:
     shown = slices(setting, model)
     best = well_posed_optimum(setting)
     fallen = int((kept.keep & ~runs.stands).sum())
+    judged = partial(finding, scale=setting.scale)
     posed, printed = found["well posed"]["slsqp"], found["Eq. 12 as printed"]
     by_fem = _lift(posed)
     return Chapter(
@@ -112,7 +114,7 @@ def chain(setting: Setting) -> Chapter:
         ),
         rows=(
             *_training_rows(network, process, data.n_points, lift_surrogate(setting)),
-            finding(
+            judged(
                 "one optimum",
                 "places that the three methods find for Eq. 12 on the network",
                 "; ".join(f"{METHODS[method]} {place(one)}" for method, one in printed.items()),
@@ -121,7 +123,7 @@ def chain(setting: Setting) -> Chapter:
                 "A23 0.3, A4 0.16 by all of them",
                 places=[one.x.tolist() for one in printed.values()],
             ),
-            finding(
+            judged(
                 "optimum confirmed",
                 "w at SQP's optimum on the network, by the network and by FEM",
                 f"{posed.outputs['w']:.1f}, {by_fem:.1f}",

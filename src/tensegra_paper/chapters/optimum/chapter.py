@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from tensegra.analysis import Model, Optimum, SurrogateModel, TrueModel, optimise
 from tensegra.surrogate import one_thread
+from tensegra_paper.beam_model import BeamRuns
 from tensegra_paper.chapter import Chapter, Figure
 from tensegra_paper.chapters.optimum.figures import (
     convergence_figure,
@@ -169,8 +170,8 @@ def optimum(setting: Setting) -> Chapter:
         rows=(
             *range_rows(runs, exact),
             *printed_rows(printed, runs, surface),
-            *visit_rows(printed, *(float(end) for end in np.quantile(runs.w[runs.stands], [0.0, 1.0]))),
-            *posed_rows(posed, other),
+            *visit_rows(printed, *_range(runs), setting.scale),
+            *posed_rows(posed, other, setting.scale),
         ),
         text=_text(searches, printed, posed, other, surface),
         findings=(
@@ -187,6 +188,12 @@ def optimum(setting: Setting) -> Chapter:
         },
         seeds={name: setting.seed_of(name) for name in ("lift", *METHODS)},
     )
+
+
+def _range(runs: BeamRuns) -> tuple[float, float]:
+    """Return the least and the greatest w of the runs that stand, cm."""
+    w = runs.w[runs.stands]
+    return float(w.min()), float(w.max())
 
 
 def _search(setting: Setting, model: Model, truth: TrueModel, question: Question) -> Optimum:

@@ -115,7 +115,7 @@ def visited(one: Optimum, output: int, *, ends: bool) -> Array:
     return np.asarray(values[np.unique(np.linspace(0, len(values) - 1, N_VISITED).round().astype(int))])
 
 
-def visit_rows(found: Found, low: float, high: float) -> list[Row]:
+def visit_rows(found: Found, low: float, high: float, scale: float) -> list[Row]:
     """Return what Fig. 18 says of the solutions that Eq. 12 lets each method visit, by their w.
 
     Parameters
@@ -124,6 +124,8 @@ def visit_rows(found: Found, low: float, high: float) -> list[Row]:
         The searches.
     low, high
         Range of w over the runs that stand, cm, in which a distribution would be uniform.
+    scale
+        Of the reproduction.
     """
     rows = []
     for claim, method in (("SQP uniform", "slsqp"), ("BFGS uniform", "bfgs")):
@@ -138,6 +140,7 @@ def visit_rows(found: Found, low: float, high: float) -> list[Row]:
                 f"on {low:.0f} to {high:.0f} cm; half of them lie in {np.quantile(w, 0.25):.0f} to "
                 f"{np.quantile(w, 0.75):.0f} cm",
                 distance=gap,
+                scale=scale,
             )
         )
     w = visited(found["bayesian"], 1, ends=False)
@@ -249,8 +252,8 @@ def printed_rows(printed: Found, runs: BeamRuns, surface: Surface) -> list[Row]:
     return rows
 
 
-def posed_rows(posed: Found, other: Optimum) -> list[Row]:
-    """Return the rows of the well-posed problem; `other` has v as printed."""
+def posed_rows(posed: Found, other: Optimum, scale: float = 1.0) -> list[Row]:
+    """Return the rows of the well-posed problem; `other` has v as printed, `scale` is the reproduction's."""
     at_optimum = published("optimisation", "optimum")
     best = posed["direct"]
     clocks = {method: posed[method].seconds for method in ("slsqp", "bfgs") if method in posed}
@@ -313,6 +316,7 @@ def posed_rows(posed: Found, other: Optimum) -> list[Row]:
             f"{posed['slsqp'].agreement.n_starts} Latin-hypercube starts, all followed to 1e-13; best to "
             f"0.1 % after {needed(posed['slsqp'])}",
             evaluations=posed["slsqp"].n_evaluations,
+            scale=scale,
         ),
         finding(
             "few evaluations",

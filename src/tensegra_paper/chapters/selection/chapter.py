@@ -1,6 +1,7 @@
 """Fig. 20: which runs are learned from, by clusters of their outputs and by the solver's certificate."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -79,7 +80,7 @@ def selection(setting: Setting) -> Chapter:
                 lambda: output_figure(study, frame),
             ),
         ),
-        rows=(*_rows(stepped, path, groups, few), *_surrogate_rows(surrogate)),
+        rows=(*_rows(setting, stepped, path, groups, few), *_surrogate_rows(surrogate)),
         text=_text(stepped, path, groups, surrogate),
         findings=_findings(stepped, groups),
         tables=(*(_agreement_table(each, stepped) for each in groups), _comparison_table(compared)),
@@ -99,13 +100,21 @@ def _findings(stepped: BeamRuns, groups: Sequence[Groups]) -> tuple[str, ...]:
     lost_prestress = int((first.keep & (stepped.status == "collapsed")).sum())
     return (
         (
-            f"The publication's selection, run as printed, finds {first.n_groups} groups of {first.name} "
-            f"(printed: 4) and leaves out {100 * lost / stepped.stands.sum():.2g} % of the runs that stand. "
-            f"The largest group holds {kept} of {stepped.n_runs} runs (printed: 98,365), of which {fallen} "
-            f"do not stand; {lost_prestress} of these have lost their prestress and come to rest among "
-            "standing ones, where no cluster of positions can tell them apart."
+            f"{_fewer(stepped)}he publication's selection, run as printed, finds {first.n_groups} groups of "
+            f"{first.name} (printed: 4) and leaves out {100 * lost / stepped.stands.sum():.2g} % of the runs "
+            f"that stand. The largest group holds {kept} of {stepped.n_runs} runs (printed: 98,365), of "
+            f"which {fallen} do not stand; {lost_prestress} of these have lost their prestress and come to "
+            "rest among standing ones, where no cluster of positions can tell them apart."
         ),
     )
+
+
+def _fewer(stepped: BeamRuns) -> str:
+    """Begin a sentence, with a warning where there are fewer runs than printed."""
+    printed = int(published_number("selection", "samples"))
+    if stepped.n_runs == printed:
+        return "T"
+    return f"With {stepped.n_runs} runs instead of {printed}, on which it depends, t"
 
 
 def _compared(
@@ -141,15 +150,18 @@ def _compared(
     return results
 
 
-def _rows(stepped: BeamRuns, path: BeamRuns, groups: Sequence[Groups], few: Groups) -> list[Row]:
+def _rows(
+    setting: Setting, stepped: BeamRuns, path: BeamRuns, groups: Sequence[Groups], few: Groups
+) -> list[Row]:
     first, whole = groups
+    judged = partial(finding, scale=setting.scale)
     kept, fallen, lost = first.counts(stepped.stands)
     stand, n_runs = int(stepped.stands.sum()), stepped.n_runs
     converged = int((stepped.status != "failed").sum())
     other_kept, other_fallen, other_lost = whole.counts(stepped.stands)
     data = "stepped runs, as printed; which outputs were clustered and how they were scaled is not said"
     return [
-        finding(
+        judged(
             "four groups",
             f"groups of {first.name}",
             float(first.n_groups),
@@ -159,7 +171,7 @@ def _rows(stepped: BeamRuns, path: BeamRuns, groups: Sequence[Groups], few: Grou
             f"runs; {data}",
             groups=first.n_groups,
         ),
-        finding(
+        judged(
             "largest group",
             f"runs in the largest group of {first.name}",
             100.0 * kept / n_runs,
@@ -169,7 +181,7 @@ def _rows(stepped: BeamRuns, path: BeamRuns, groups: Sequence[Groups], few: Grou
             "prints about half for designs like these",
             share=100.0 * kept / n_runs,
         ),
-        finding(
+        judged(
             "all viable",
             "runs that stand and are left out",
             100.0 * lost / stand,
@@ -177,7 +189,7 @@ def _rows(stepped: BeamRuns, path: BeamRuns, groups: Sequence[Groups], few: Grou
             f"{lost} of {stand}; {100 * other_lost / stand:.2g} % with {whole.name}",
             left_out=100.0 * lost / stand,
         ),
-        finding(
+        judged(
             "upward alone",
             "runs in the largest group that do not stand",
             100.0 * fallen / max(kept, 1),

@@ -232,9 +232,8 @@ def _pair_text(pair: Pair | None) -> tuple[str, ...]:
     if pair.admissible:
         return (
             (
-                f"{told}Both are within small strain: plain Newton–Raphson leaves the branch where a step "
-                "is too "
-                "long for it, and nothing in it tells. It is rare (Fig. 6)."
+                f"{told}Both are within small strain: plain Newton–Raphson leaves the branch where a step is "
+                "too long for it, and nothing in it tells. It is rare (Fig. 6)."
             ),
         )
     return (
