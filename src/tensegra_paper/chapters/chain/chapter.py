@@ -138,7 +138,7 @@ def chain(setting: Setting) -> Chapter:
         text=_text(runs, data.n_points, fallen, network, process, found, best.w, kept),
         findings=(
             (
-                "The publication's chain, run as printed: SQP on its network promises w = "
+                f"The publication's chain on {runs.n_runs} runs: SQP on its network promises w = "
                 f"{posed.outputs['w']:.1f} cm with |v| ≤ 1 cm, FEM finds {by_fem:.1f} cm there and v = "
                 f"{_value(posed, 'v'):.1f} cm; the greatest that FEM itself finds is {best.w:.2f} cm."
             ),
