@@ -111,7 +111,7 @@ class MaterialSchema(_Schema):
     """A value of `materials`."""
 
     examples: ClassVar[Examples] = (
-        {"youngs_modulus": "115 GPa", "weight": 7.85e-05, "thermal_expansion": 1.2e-05},
+        {"youngs_modulus": "115 GPa", "weight": 7.85e-05, "thermal_expansion": 1.2e-05, "strain_limit": 0.01},
     )
 
     youngs_modulus: Stress

@@ -61,6 +61,7 @@ def _contents(
         contents.append(
             {
                 "method": names[method],
+                "formula": one.formula,
                 "maximise": one.maximise,
                 "true_objective": one.true_objective,
                 "input_names": one.input_names,
