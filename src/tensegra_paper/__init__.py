@@ -1,0 +1,1 @@
+"""The studies of the source paper, by public names of tensegra alone."""

@@ -1,0 +1,227 @@
+"""The search: starts by chance, descents from the best of them, then the self-stress, on which counts depend."""
+
+import json
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegra_paper.identification.candidate import AREAS, N_SHAPE, Candidate, reference
+from tensegra_paper.identification.local import Descent, cost_of, descend
+from tensegra_paper.identification.records import EDGE, FAR, NEAR, Records, misses
+from tensegra_paper.identification.responses import Effort
+from tensegra_paper.identification.starts import random_candidate
+
+__all__ = ["Plan", "Result", "search"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+PROMISING = 60.0
+"""Cost of the small actuations up to which the large ones are solved too: the best fifth that stands."""
+
+
+STRESS_FACTOR = 1.25
+"""Between two values of the base self-stress."""
+
+SPOILT = 15.0
+"""Cost of the small and the nominal actuations from which a beam is not followed further."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How long the search looks.
+
+    Attributes
+    ----------
+    seed
+        Of all chance.
+    n_starts
+        Beams by chance.
+    n_far
+        Best of them that are asked everything.
+    n_descents, per_layout
+        Of the best of them that are followed to the nearest beam that misses less, and how many of one
+        layout, strut area and support.
+    n_refined, n_levels
+        Best of these that are followed along their base self-stress, and how many values up and down.
+    n_front
+        Trials for each pair of findings that may exclude each other.
+    """
+
+    seed: int = 1
+    n_starts: int = 1200
+    n_far: int = 50
+    n_descents: int = 14
+    per_layout: int = 3
+    n_refined: int = 4
+    n_levels: int = 8
+    n_front: int = 40
+
+    def scaled(self, scale: float) -> "Plan":
+        """Return a plan with a share of the numbers, at least one of each."""
+        names = ("n_starts", "n_far", "n_descents", "n_refined", "n_levels", "n_front")
+        return replace(self, **{name: max(1, round(scale * getattr(self, name))) for name in names})
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A beam with what it answers.
+
+    Attributes
+    ----------
+    candidate
+        The beam.
+    values
+        Measured, by key of a finding.
+    cost
+        Of what the fit may see.
+    origin
+        Number of the start that it came from.
+    """
+
+    candidate: Candidate
+    values: dict[str, float]
+    cost: float
+    origin: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON values."""
+        return {
+            "candidate": self.candidate.to_dict(),
+            "values": self.values,
+            "cost": self.cost,
+            "origin": self.origin,
+        }
+
+
+def search(folder: Path, plan: Plan, tell: Callable[[str], None]) -> list[Result]:
+    """Search, or go on where a search with the same plan was; return the best beams of it, the best first.
+
+    Parameters
+    ----------
+    folder
+        Where the records are, ``records.jsonl``, and the results go, ``results.json``.
+    plan
+        How long.
+    tell
+        Told of the progress, a line at a time.
+    """
+    records = Records(folder / "records.jsonl")
+    effort = Effort()
+    started = _starts(records, plan, effort, tell)
+    asked = []
+    for _, number in started[: plan.n_far]:
+        asked.append((cost_of(misses(records.values(start_of(plan, number), effort, FAR))), number))
+    tell(f"{len(asked)} starts asked everything")
+    started = sorted(asked)
+    descended = _descents(records, plan, effort, started, tell)
+    refined = [_refine(records, plan, effort, each, tell) for each in descended[: plan.n_refined]]
+    best = sorted(refined, key=lambda result: result.cost)
+    (folder / "results.json").write_text(
+        json.dumps([each.to_dict() for each in best], indent=1), encoding="utf-8"
+    )
+    tell(f"{records.n_solved} candidates solved, {len(records.kept)} kept")
+    return best
+
+
+def _starts(
+    records: Records, plan: Plan, effort: Effort, tell: Callable[[str], None]
+) -> list[tuple[float, int]]:
+    """Return the cost and the number of the starts that stand, the best first."""
+    costs = []
+    for number in range(plan.n_starts):
+        candidate = start_of(plan, number)
+        values = records.values(candidate, effort, NEAR)
+        if values is None:
+            continue
+        cost = cost_of(misses(values))
+        if cost < PROMISING:
+            cost = cost_of(misses(records.values(candidate, effort, EDGE)))
+            costs.append((cost, number))
+        if number % 250 == 0:
+            tell(f"starts: {number} of {plan.n_starts}, {len(costs)} promising")
+    tell(f"starts: {len(costs)} of {plan.n_starts} promising")
+    return sorted(costs)
+
+
+def start_of(plan: Plan, number: int) -> Candidate:
+    """Return a start by its number; the first two are the beam of the library with either strut."""
+    if number < len(AREAS):
+        known = reference()
+        return Candidate(known.layout, known.numbers, AREAS[number]).balanced()
+    return random_candidate(np.random.default_rng([plan.seed, number])).balanced()
+
+
+def _descents(
+    records: Records,
+    plan: Plan,
+    effort: Effort,
+    started: list[tuple[float, int]],
+    tell: Callable[[str], None],
+) -> list[Result]:
+    chosen: list[int] = []
+    taken: Counter[tuple[str, float, str]] = Counter()
+    for _, number in started:
+        start = start_of(plan, number)
+        kind = (start.layout.name, start.area, start.held)
+        if taken[kind] < plan.per_layout and len(chosen) < plan.n_descents:
+            taken[kind] += 1
+            chosen.append(number)
+    ends = []
+    for number in chosen:
+        start = start_of(plan, number)
+        end = _descend(records, effort, start)
+        candidate = start.moved(end.numbers).balanced()
+        values = records.values(candidate, effort, FAR)
+        if values is None:
+            continue
+        ends.append(Result(candidate, values, cost_of(misses(values)), number))
+        tell(
+            f"descent from {number} ({candidate.layout.name}, {candidate.area:g} cm², {candidate.held}): "
+            f"{end.cost:.2f} after {end.n_steps} steps, {ends[-1].cost:.2f} with all of the fit"
+        )
+    return sorted(ends, key=lambda result: result.cost)
+
+
+def _refine(
+    records: Records, plan: Plan, effort: Effort, begin: Result, tell: Callable[[str], None]
+) -> Result:
+    """Follow a beam along its base self-stress, up and down: the outcomes, which are counted, depend on it most.
+
+    At each value the beam is brought to what the small and the nominal actuations ask for, then asked everything.
+    """
+    best = begin
+    for factor in (STRESS_FACTOR, 1.0 / STRESS_FACTOR):
+        candidate = begin.candidate
+        for _ in range(plan.n_levels):
+            numbers = candidate.numbers.copy()
+            numbers[N_SHAPE] += np.log(factor)
+            end = _descend(records, effort, candidate.moved(numbers), held=(N_SHAPE,))
+            if end.cost > SPOILT:
+                break
+            candidate = candidate.moved(end.numbers).balanced()
+            values = records.values(candidate, effort, FAR)
+            cost = cost_of(misses(values))
+            if values is not None and cost < best.cost:
+                best = Result(candidate, values, cost, begin.origin)
+    tell(f"refined {begin.origin}: {begin.cost:.2f} to {best.cost:.2f} at {best.candidate.self_stress:.0f} kN")
+    return best
+
+
+def _descend(records: Records, effort: Effort, start: Candidate, held: tuple[int, ...] = ()) -> Descent:
+    """Descend from a beam, some of its numbers held."""
+
+    def ways(numbers: Array) -> Array:
+        directions = start.moved(numbers).directions
+        return directions[~np.any(directions[:, list(held)] != 0.0, axis=1)] if held else directions
+
+    return descend(
+        lambda numbers: misses(records.values(start.moved(numbers), effort, EDGE)),
+        start.numbers,
+        ways,
+        max_steps=25,
+    )
