@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import tensegra as tg
 from tensegra_paper.identification.layout import N_SECTIONS, N_SIDES, Layout, node_id, reconstruction
-from tensegra_paper.identification.shape import N_KINDS, Shape, free_directions, shape_of
+from tensegra_paper.identification.shape import N_KINDS, N_STAGES, Shape, free_directions, shape_of
 
 __all__ = ["AREAS", "HELD", "N_NUMBERS", "N_SHAPE", "Candidate", "content", "reference"]
 
@@ -153,48 +153,12 @@ def content(candidate: Candidate, shape: Shape, name: str, description: str = ""
     name, description
         Of the structure.
     """
-    sides = np.arange(N_SIDES, dtype=np.float64)
-    places = {s: shape.positions(s, sides) for s in range(N_SECTIONS)}
+    places = _places(shape)
     nodes = {node_id(s, k): places[s][k].round(6).tolist() for s in range(N_SECTIONS) for k in range(N_SIDES)}
     nodes = dict(sorted(nodes.items(), key=lambda item: int(item[0])))
-    members: dict[str, Any] = {}
-    count = {"s": 0, "c": 0}
-    factors = candidate.side_factors
-    tension = shape.force / shape.force[-1] * candidate.self_stress
-    for kind, s, t, shift in candidate.layout.segments():
-        if kind == N_KINDS - 1:
-            break
-        strut = kind < 3
-        family = "struts" if strut else "squares" if s == t else "ties"
-        for k in range(N_SIDES):
-            ends = [node_id(s, k), node_id(t, k + shift)]
-            stiffness = ALUMINIUM * candidate.area if strut else STEEL * CABLE_AREA
-            length = float(np.linalg.norm(places[t][(k + shift) % N_SIDES] - places[s][k]))
-            letter = "s" if strut else "c"
-            count[letter] += 1
-            members[f"{letter}{count[letter]}"] = {
-                "kind": "strut" if strut else "cable",
-                "nodes": ends,
-                "material": "aluminium" if strut else "steel",
-                "area": candidate.area if strut else CABLE_AREA,
-                "rest_length": factors[family][k]
-                * length
-                / (1.0 + (-1.0 if strut else 1.0) * tension[kind] / stiffness),
-                "groups": ["struts"] if strut else [_surface(k, k + shift), "classical"],
-            }
-    for number, k in ((1, 1), (2, 2), (3, 3), (4, 0)):
-        route = candidate.layout.route
-        length = float(sum(np.linalg.norm(places[t][k] - places[s][k]) for s, t in pairwise(route)))
-        members[f"K{number}"] = {
-            "kind": "cable",
-            "nodes": [node_id(s, k) for s in route],
-            "material": "steel_rope",
-            "area": CABLE_AREA,
-            "rest_length": factors["clustered"][k]
-            * length
-            / (1.0 + candidate.self_stress / (STEEL * CABLE_AREA)),
-            "groups": ["clustered", "top_clustered" if number in {1, 4} else "bottom_clustered"],
-        }
+    supports = _supports(candidate.held)
+    fixed = {node for node, axes in supports.items() if axes == "xyz"}
+    members = _classical(candidate, shape, fixed) | _clustered(candidate, shape)
     return {
         "schema": "tensegra/structure/1",
         "name": name,
@@ -207,7 +171,7 @@ def content(candidate: Candidate, shape: Shape, name: str, description: str = ""
             "steel_rope": {"youngs_modulus": STEEL, "weight": 7.85e-05},
         },
         "members": members,
-        "supports": _supports(candidate.held),
+        "supports": supports,
         "gravity": [0, 0, -1],
         "actuators": {
             name: {"members": cables, "effect": "shorten" if name in {"A14", "A1", "A4"} else "lengthen"}
@@ -215,6 +179,60 @@ def content(candidate: Candidate, shape: Shape, name: str, description: str = ""
         },
         "stages": [{"name": "prestress", "rest_length_changes": {"K1": PRESTRESS, "K4": PRESTRESS}}],
     }
+
+
+def _places(shape: Shape) -> list[Array]:
+    """Return the positions of the nodes by section, shape (4, 3) each."""
+    sides = np.arange(N_SIDES, dtype=np.float64)
+    return [shape.positions(section, sides) for section in range(N_SECTIONS)]
+
+
+def _classical(candidate: Candidate, shape: Shape, fixed: set[str]) -> dict[str, Any]:
+    """Return struts and classical cables as a structure file has them."""
+    places, factors = _places(shape), candidate.side_factors
+    tension = shape.force / shape.force[-1] * candidate.self_stress
+    members: dict[str, Any] = {}
+    count = {"s": 0, "c": 0}
+    for kind, s, t, shift in candidate.layout.segments():
+        if kind == N_KINDS - 1:
+            break
+        strut = kind < N_STAGES
+        family = "struts" if strut else "squares" if s == t else "ties"
+        letter, sign = ("s", -1.0) if strut else ("c", 1.0)
+        stiffness = ALUMINIUM * candidate.area if strut else STEEL * CABLE_AREA
+        for k in range(N_SIDES):
+            ends = [node_id(s, k), node_id(t, k + shift)]
+            length = float(np.linalg.norm(places[t][(k + shift) % N_SIDES] - places[s][k]))
+            # Between two fixed nodes a difference has no effect but a cable that is slack as drawn.
+            factor = 1.0 if set(ends) <= fixed else factors[family][k]
+            count[letter] += 1
+            members[f"{letter}{count[letter]}"] = {
+                "kind": "strut" if strut else "cable",
+                "nodes": ends,
+                "material": "aluminium" if strut else "steel",
+                "area": candidate.area if strut else CABLE_AREA,
+                "rest_length": factor * length / (1.0 + sign * tension[kind] / stiffness),
+                "groups": ["struts"] if strut else [_surface(k, k + shift), "classical"],
+            }
+    return members
+
+
+def _clustered(candidate: Candidate, shape: Shape) -> dict[str, Any]:
+    """Return the four clustered cables as a structure file has them."""
+    places, factors, route = _places(shape), candidate.side_factors, candidate.layout.route
+    members = {}
+    for number, k in ((1, 1), (2, 2), (3, 3), (4, 0)):
+        length = float(sum(np.linalg.norm(places[t][k] - places[s][k]) for s, t in pairwise(route)))
+        stretch = 1.0 + candidate.self_stress / (STEEL * CABLE_AREA)
+        members[f"K{number}"] = {
+            "kind": "cable",
+            "nodes": [node_id(s, k) for s in route],
+            "material": "steel_rope",
+            "area": CABLE_AREA,
+            "rest_length": factors["clustered"][k] * length / stretch,
+            "groups": ["clustered", "top_clustered" if number in {1, 4} else "bottom_clustered"],
+        }
+    return members
 
 
 _ACTUATORS = {

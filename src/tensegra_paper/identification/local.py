@@ -56,7 +56,7 @@ def descend(
     directions: Callable[[Array], Array],
     *,
     max_steps: int = 12,
-    good: float = 1e-3,
+    good: float = 0.01,
 ) -> Descent:
     """Follow damped Gauss–Newton steps.
 

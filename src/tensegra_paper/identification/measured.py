@@ -7,13 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra_paper.identification.responses import (
-    HIGH,
-    LOW,
     Effort,
     Responses,
+    design_blocks,
+    law_inputs,
     quadratic_terms,
-    saltelli,
-    sobol_points,
     total_indices,
 )
 
@@ -45,27 +43,19 @@ def _near(found: Responses) -> dict[str, float]:
 
 @cache
 def _laws(n: int) -> dict[str, Array]:
-    """Return samples of the five inputs by law, errors of the two actuations apart, shape (n, 5)."""
-    unit = sobol_points(5, n, 12)
-    error = {"uniform": 0.01 * unit[:, :2], "exponential": -0.001 * np.log1p(-unit[:, :2])}
-    return {
-        law: quadratic_terms(np.column_stack([0.1 - phi, HIGH[2:] * unit[:, 2:]]))
-        for law, phi in error.items()
-    }
+    return {law: quadratic_terms(inputs) for law, inputs in law_inputs(n).items()}
 
 
 @cache
 def _blocks(n: int) -> Array:
-    unit = sobol_points(10, n, 19)
-    blocks = saltelli(unit[:, :5], unit[:, 5:])
-    return np.stack([quadratic_terms(LOW + block * (HIGH - LOW)) for block in blocks])
+    return np.stack([quadratic_terms(block) for block in design_blocks(n)])
 
 
 def _design(found: Responses, effort: Effort) -> dict[str, float]:
     values: dict[str, float] = {}
     by_v, by_w = found.polynomial["23"].T
     for law, terms in _laws(effort.samples).items():
-        w = terms @ by_w
+        w = found.samples[law] if found.samples else terms @ by_w
         quartiles = np.quantile(w, [0.25, 0.5, 0.75])
         centred = (w - w.mean()) / w.std()
         skew, kurtosis = float((centred**3).mean()), float((centred**4).mean()) - 3.0
@@ -78,8 +68,11 @@ def _design(found: Responses, effort: Effort) -> dict[str, float]:
             values["uniform: normal"] = max(abs(skew), abs(kurtosis))
         else:
             values["exponential: skew"] = skew
-    blocks = _blocks(256)
-    on_v, on_w = total_indices(blocks @ by_v), total_indices(blocks @ by_w)
+    if found.five is None:
+        blocks = _blocks(256)
+        on_v, on_w = total_indices(blocks @ by_v), total_indices(blocks @ by_w)
+    else:
+        on_v, on_w = found.five
     share_v, share_w = on_v[2:].sum(), on_w[2:].sum()
     values |= {
         "T on v": float(share_v),

@@ -29,18 +29,24 @@ AS_WELL = 1.5
 
 
 def beam_of(result: Result) -> tg.Structure:
-    """Return the beam of a result as a structure.
+    """Return the beam of a result as a structure, drawn where it stands by its base self-stress alone.
 
     Raises
     ------
     ValueError
         If its shape does not balance.
+    tensegra.SolverError
+        If it does not stand.
     """
     candidate = result.candidate
     structure = candidate.structure(NAME, DESCRIPTION.format(area=candidate.area))
     if structure is None:
         raise ValueError("the shape of this candidate does not balance")
-    return structure
+    alone = tg.solve_path(structure.replace(stages=(), gravity=(0.0, 0.0, 0.0))).raise_for_status().final
+    places = {
+        node: tuple(place) for node, place in zip(structure.nodes, alone.nodes.round(6).tolist(), strict=True)
+    }
+    return structure.replace(nodes=places)
 
 
 def alike(records: Records) -> list[tuple[Candidate, float]]:

@@ -1,4 +1,4 @@
-"""The search: starts by chance, descents from the best of them, then the self-stress, on which counts depend."""
+"""The search: starts by chance, descents from the best, then the self-stress, on which counts depend."""
 
 import json
 from collections import Counter
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra_paper.identification.candidate import AREAS, N_SHAPE, Candidate, reference
+from tensegra_paper.identification.findings import FINDINGS
 from tensegra_paper.identification.local import Descent, cost_of, descend
 from tensegra_paper.identification.records import EDGE, FAR, NEAR, Records, misses
 from tensegra_paper.identification.responses import Effort
@@ -24,10 +25,13 @@ PROMISING = 60.0
 """Cost of the small actuations up to which the large ones are solved too: the best fifth that stands."""
 
 
-STRESS_FACTOR = 1.25
+THINNER = (60.0, 25.0, 12.0, 6.0, 4.0, 2.55)
+"""Areas on the way from the printed strut to the other, cm²; only the last is a beam of the family."""
+
+STRESS_FACTOR = 1.35
 """Between two values of the base self-stress."""
 
-SPOILT = 15.0
+SPOILT = 8.0
 """Cost of the small and the nominal actuations from which a beam is not followed further."""
 
 
@@ -47,7 +51,7 @@ class Plan:
         Of the best of them that are followed to the nearest beam that misses less, and how many of one
         layout, strut area and support.
     n_refined, n_levels
-        Best of these that are followed along their base self-stress, and how many values up and down.
+        Best of these that are followed up their self-stress, by how many values, with both struts.
     n_front
         Trials for each pair of findings that may exclude each other.
     """
@@ -55,10 +59,10 @@ class Plan:
     seed: int = 1
     n_starts: int = 1200
     n_far: int = 50
-    n_descents: int = 14
+    n_descents: int = 5
     per_layout: int = 3
-    n_refined: int = 4
-    n_levels: int = 8
+    n_refined: int = 1
+    n_levels: int = 3
     n_front: int = 40
 
     def scaled(self, scale: float) -> "Plan":
@@ -87,6 +91,12 @@ class Result:
     values: dict[str, float]
     cost: float
     origin: int
+
+    @property
+    def rank(self) -> tuple[int, float]:
+        """What the best result has least of: findings of the fit that it misses, then cost."""
+        missed = [f for f in FINDINGS if f.fitted and not f.agrees(self.values.get(f.key, np.nan))]
+        return len(missed), self.cost
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON values."""
@@ -120,7 +130,7 @@ def search(folder: Path, plan: Plan, tell: Callable[[str], None]) -> list[Result
     started = sorted(asked)
     descended = _descents(records, plan, effort, started, tell)
     refined = [_refine(records, plan, effort, each, tell) for each in descended[: plan.n_refined]]
-    best = sorted(refined, key=lambda result: result.cost)
+    best = sorted(refined + descended, key=lambda result: result.rank)
     (folder / "results.json").write_text(
         json.dumps([each.to_dict() for each in best], indent=1), encoding="utf-8"
     )
@@ -171,7 +181,7 @@ def _descents(
         if taken[kind] < plan.per_layout and len(chosen) < plan.n_descents:
             taken[kind] += 1
             chosen.append(number)
-    ends = []
+    ends: list[tuple[float, Result]] = []
     for number in chosen:
         start = start_of(plan, number)
         end = _descend(records, effort, start)
@@ -179,37 +189,76 @@ def _descents(
         values = records.values(candidate, effort, FAR)
         if values is None:
             continue
-        ends.append(Result(candidate, values, cost_of(misses(values)), number))
+        ends.append((end.cost, Result(candidate, values, cost_of(misses(values)), number)))
         tell(
             f"descent from {number} ({candidate.layout.name}, {candidate.area:g} cm², {candidate.held}): "
-            f"{end.cost:.2f} after {end.n_steps} steps, {ends[-1].cost:.2f} with all of the fit"
+            f"{end.cost:.2f} after {end.n_steps} steps, {ends[-1][1].cost:.2f} with all of the fit"
         )
-    return sorted(ends, key=lambda result: result.cost)
+    # By what descents can see: the counted outcomes follow with the self-stress.
+    return [result for _, result in sorted(ends, key=lambda pair: pair[0])]
 
 
 def _refine(
     records: Records, plan: Plan, effort: Effort, begin: Result, tell: Callable[[str], None]
 ) -> Result:
-    """Follow a beam along its base self-stress, up and down: the outcomes, which are counted, depend on it most.
+    """Follow a beam up its self-stress, to the thinner strut, and up again: counted outcomes depend on both.
 
-    At each value the beam is brought to what the small and the nominal actuations ask for, then asked everything.
+    On the way it is brought again and again to what the small actuations and the optimum ask for; at its end
+    and at each value of the self-stress it is asked everything.
     """
-    best = begin
-    for factor in (STRESS_FACTOR, 1.0 / STRESS_FACTOR):
-        candidate = begin.candidate
-        for _ in range(plan.n_levels):
-            numbers = candidate.numbers.copy()
-            numbers[N_SHAPE] += np.log(factor)
-            end = _descend(records, effort, candidate.moved(numbers), held=(N_SHAPE,))
-            if end.cost > SPOILT:
+    best, candidate = begin, begin.candidate
+    thinner = [area for area in THINNER if area < candidate.area]
+    for area in [candidate.area] * plan.n_levels + thinner + [AREAS[1]] * plan.n_levels:
+        if area == candidate.area:
+            moved = _with_stress(records, effort, candidate, STRESS_FACTOR * candidate.self_stress)
+        else:
+            moved = _with_area(records, effort, candidate, area)
+        if moved is None:
+            if area == AREAS[1]:
                 break
-            candidate = candidate.moved(end.numbers).balanced()
-            values = records.values(candidate, effort, FAR)
-            cost = cost_of(misses(values))
-            if values is not None and cost < best.cost:
-                best = Result(candidate, values, cost, begin.origin)
-    tell(f"refined {begin.origin}: {begin.cost:.2f} to {best.cost:.2f} at {best.candidate.self_stress:.0f} kN")
+            continue  # no more self-stress with this strut; perhaps with the thinner one
+        candidate = moved
+        if area not in AREAS:
+            continue
+        values = records.values(candidate, effort, FAR)
+        if values is not None:
+            there = Result(candidate, values, cost_of(misses(values)), begin.origin)
+            best = min(best, there, key=lambda result: result.rank)
+    tell(
+        f"refined {begin.origin}: {begin.cost:.2f} to {best.cost:.2f} with {best.candidate.area:g} cm² and "
+        f"{best.candidate.self_stress:.0f} kN"
+    )
     return best
+
+
+def _with_area(
+    records: Records, effort: Effort, candidate: Candidate, area: float, parts: int = 4
+) -> Candidate | None:
+    """Return the beam with another strut, brought to agreement, or None; in parts where a step spoils it."""
+    end = _descend(records, effort, replace(candidate, area=area))
+    if end.cost <= SPOILT:
+        return replace(candidate, numbers=end.numbers, area=area).balanced()
+    if parts == 1:
+        return None
+    half = _with_area(records, effort, candidate, float(np.sqrt(candidate.area * area)), parts // 2)
+    return half and _with_area(records, effort, half, area, parts // 2)
+
+
+def _with_stress(
+    records: Records, effort: Effort, candidate: Candidate, self_stress: float, parts: int = 4
+) -> Candidate | None:
+    """Return the beam with another base self-stress, likewise."""
+    numbers = candidate.numbers.copy()
+    numbers[N_SHAPE] = np.log(self_stress)
+    end = _descend(records, effort, candidate.moved(numbers), held=(N_SHAPE,))
+    if end.cost <= SPOILT:
+        return candidate.moved(end.numbers).balanced()
+    if parts == 1:
+        return None
+    half = _with_stress(
+        records, effort, candidate, float(np.sqrt(candidate.self_stress * self_stress)), parts // 2
+    )
+    return half and _with_stress(records, effort, half, self_stress, parts // 2)
 
 
 def _descend(records: Records, effort: Effort, start: Candidate, held: tuple[int, ...] = ()) -> Descent:

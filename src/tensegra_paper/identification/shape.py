@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 
 from tensegra_paper.identification.layout import N_SECTIONS, N_SIDES, N_TIES, Layout
 
-__all__ = ["N_KINDS", "Shape", "balance", "free_directions", "shape_of"]
+__all__ = ["N_KINDS", "N_STAGES", "Shape", "balance", "free_directions", "shape_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-N_KINDS = 3 + N_TIES + 1
+N_STAGES = 3
+
+N_KINDS = N_STAGES + N_TIES + 1
 """Kinds of members: struts of three stages, classical cables, clustered cables."""
 
 LENGTH_UNIT = 30.0
@@ -79,7 +81,7 @@ def balance(layout: Layout, vectors: Array) -> Array:
     force = np.exp(vectors[:, 3 * n :])
     left = np.zeros((len(vectors), n, 3))
     for kind, s, t, shift in layout.segments():
-        pull = force[:, kind] / force[:, -1] * (-1.0 if kind < 3 else 1.0)
+        pull = force[:, kind] / force[:, -1] * (-1.0 if kind < N_STAGES else 1.0)
         turn = angle[:, t] - angle[:, s] + 2.0 * np.pi / N_SIDES * shift
         along = x[:, t] - x[:, s]
         length = np.sqrt(

@@ -23,7 +23,7 @@ __all__ = ["STRUCTURES", "Setting"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-STRUCTURES = ("paper_beam", "paper_beam_slender")
+STRUCTURES = ("paper_beam", "paper_beam_slender", "paper_beam_identified")
 
 BLOCK = 8192
 """Runs that are solved and kept together: what an interruption costs at most."""
@@ -44,7 +44,7 @@ class Setting:
     folder
         Where results are kept; what is there already is not solved again.
     structure_name
-        ``paper_beam`` or ``paper_beam_slender``.
+        One of `STRUCTURES`.
     scale
         Share of the publication's numbers of runs, in (0, 1].
     seed
@@ -72,7 +72,7 @@ class Setting:
 
     def __post_init__(self) -> None:
         if self.structure_name not in STRUCTURES:
-            expected = " or ".join(STRUCTURES)
+            expected = f"{', '.join(STRUCTURES[:-1])} or {STRUCTURES[-1]}"
             raise StudyError.at("--structure", self.structure_name, expected, candidates=STRUCTURES)
         if not 0.0 < self.scale <= 1.0:
             raise StudyError.at("--scale", self.scale, "a number above 0, at most 1")
