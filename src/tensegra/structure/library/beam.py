@@ -39,11 +39,11 @@ def paper_beam_slender() -> Structure:
 
 
 def paper_beam_identified() -> Structure:
-    """Return the beam of a family with the printed counts that agrees with most of what the publication prints.
+    """Return the beam of a family with the printed counts that agrees with most of what is printed.
 
     Its layout is that of `paper_beam`; its rest lengths differ from side to side. ``tensegra_paper`` has the
-    family, the list of what is printed and the search; ``docs/identified_beam.md`` tells what was fitted, what
-    was predicted, and which findings no beam of the family has at once.
+    family, the list of what is printed and the search; ``docs/identified_beam.md`` tells what was fitted and
+    what predicted, and which findings no beam that was tried has at once.
 
     Examples
     --------

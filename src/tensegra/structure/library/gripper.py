@@ -32,8 +32,8 @@ def gripper(n_beams: int = 4, radius: float = 185.0, *, beam: Structure | None =
         185, the polygon of the fingertips (nodes 18 and 23 of `paper_beam`) has 2980 cm² where all four
         cables are actuated by 30 %, near the printed 2910 cm².
     beam
-        That stands there, such as `paper_beam_slender`; `paper_beam` where left out. Each of its held nodes is
-        held along all axes.
+        That stands there, such as `paper_beam_slender`; `paper_beam` where left out. Each of its held nodes
+        is held along all axes.
 
     Raises
     ------
