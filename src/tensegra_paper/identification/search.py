@@ -63,7 +63,7 @@ class Plan:
     per_layout: int = 3
     n_refined: int = 1
     n_levels: int = 3
-    n_front: int = 40
+    n_front: int = 8
 
     def scaled(self, scale: float) -> "Plan":
         """Return a plan with a share of the numbers, at least one of each."""
