@@ -18,7 +18,10 @@ def reproduce(
         float, typer.Option("--scale", help="Share of the publication's numbers of runs, above 0, at most 1.")
     ] = 1.0,
     structure: Annotated[
-        str, typer.Option("--structure", metavar="NAME", help="paper_beam or paper_beam_slender.")
+        str,
+        typer.Option(
+            "--structure", metavar="NAME", help="paper_beam, paper_beam_slender or paper_beam_identified."
+        ),
     ] = "paper_beam",
     seed: Annotated[int, typer.Option("--seed", help="From which all random choices come.")] = 1,
     folder: Annotated[

@@ -64,7 +64,7 @@ def reproduce(
     scale
         Share of the publication's numbers of runs, in (0, 1].
     structure
-        ``paper_beam`` or ``paper_beam_slender``.
+        ``paper_beam``, ``paper_beam_slender`` or ``paper_beam_identified``.
     seed
         From which all random choices come.
     threads

@@ -23,7 +23,7 @@ __all__ = ["STRUCTURES", "Setting"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-STRUCTURES = ("paper_beam", "paper_beam_slender")
+STRUCTURES = ("paper_beam", "paper_beam_slender", "paper_beam_identified")
 
 KEPT = 2
 """Number of what is kept of a run; another is not read."""
@@ -47,7 +47,7 @@ class Setting:
     folder
         Where results are kept; what is there already is not solved again.
     structure_name
-        ``paper_beam`` or ``paper_beam_slender``.
+        One of `STRUCTURES`.
     scale
         Share of the publication's numbers of runs, in (0, 1].
     seed
@@ -75,7 +75,7 @@ class Setting:
 
     def __post_init__(self) -> None:
         if self.structure_name not in STRUCTURES:
-            expected = " or ".join(STRUCTURES)
+            expected = f"{', '.join(STRUCTURES[:-1])} or {STRUCTURES[-1]}"
             raise StudyError.at("--structure", self.structure_name, expected, candidates=STRUCTURES)
         if not 0.0 < self.scale <= 1.0:
             raise StudyError.at("--scale", self.scale, "a number above 0, at most 1")

@@ -125,9 +125,8 @@ def gripper(setting: Setting) -> Chapter:
 
 
 def _state(setting: Setting, actuation: Mapping[str, float], beam: EquilibriumPath, radius: float) -> State:
-    slender = setting.structure_name == "paper_beam_slender"
     n_beams = int(published("gripper", "beams"))
-    structure = library.gripper(n_beams, radius, slender=slender)
+    structure = library.gripper(n_beams, radius, beam=setting.structure)
     solved = solve_path(structure, actuation).raise_for_status()
     edges = [[solved.final.node(f"b{k}_{node}")[:2] for node in TIP] for k in range(1, n_beams + 1)]
     return State(actuation, beam, solved, np.array(edges))
