@@ -13,7 +13,7 @@ import tempfile
 import time
 from statistics import median
 
-from tensegra.benchmark.fresh import peak_bytes
+from solver.fresh import peak_bytes
 from tensegra.study import Study, design_points, parse_study, select
 
 N_POINTS = 100_000

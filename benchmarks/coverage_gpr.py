@@ -8,8 +8,8 @@
 import sys
 
 import numpy as np
-from functions import CASES, Case
 
+from functions import CASES, Case
 from tensegra.surrogate import fit
 
 RUNS = (100, 200, 500)

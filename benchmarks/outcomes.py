@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tensegra.benchmark.timing import REFERENCE, Spread, blas_in_words, interleaved
+from solver.timing import REFERENCE, Spread, blas_in_words, interleaved
 from tensegra.mechanics import PathSettings, Status, solve_batch
 from tensegra.structure import apply_changes, library
 

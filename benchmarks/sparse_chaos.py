@@ -15,10 +15,10 @@ import warnings
 from collections.abc import Callable
 
 import numpy as np
-from functions import CASES, Case
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import lars_path, orthogonal_mp
 
+from functions import CASES, Case
 from tensegra.surrogate import fit
 from tensegra.surrogate.basis import Basis
 from tensegra.surrogate.coordinates import Coordinates

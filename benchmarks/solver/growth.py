@@ -7,11 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from tensegra.benchmark.batches import beam_designs, solve
-from tensegra.benchmark.timing import Spread, Stopwatch, exponent, interleaved, one_blas_thread
 from tensegra.mechanics import Status, solve_batch, solve_path
 from tensegra.report.tables import Table
 from tensegra.structure import Structure, library
+
+from .batches import beam_designs, solve
+from .timing import Spread, Stopwatch, exponent, interleaved, one_blas_thread
 
 __all__ = ["Growth", "GrowthRow", "measure_path_growth", "measure_run_growth", "measure_stage_growth"]
 
