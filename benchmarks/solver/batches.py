@@ -6,12 +6,11 @@ from functools import partial
 
 import numpy as np
 
+from benchmarks.solver.timing import REFERENCE, Spread, Timed, blas_in_words, interleaved
 from tensegra.mechanics import Batch, solve_batch
 from tensegra.mechanics.arrays import FloatArray
 from tensegra.report.tables import Table
 from tensegra.structure import Structure, library
-
-from .timing import REFERENCE, Spread, Timed, blas_in_words, interleaved
 
 __all__ = ["BatchRow", "Batches", "Design", "beam_designs", "measure_batches", "solve"]
 

@@ -7,12 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from benchmarks.solver.batches import beam_designs, solve
+from benchmarks.solver.timing import Spread, Stopwatch, exponent, interleaved, one_blas_thread
 from tensegra.mechanics import Status, solve_batch, solve_path
 from tensegra.report.tables import Table
 from tensegra.structure import Structure, library
-
-from .batches import beam_designs, solve
-from .timing import Spread, Stopwatch, exponent, interleaved, one_blas_thread
 
 __all__ = ["Growth", "GrowthRow", "measure_path_growth", "measure_run_growth", "measure_stage_growth"]
 

@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 
+from benchmarks.solver.timing import one_blas_thread
 from tensegra.mechanics import kernels, step
 from tensegra.mechanics.arrays import FloatArray
 from tensegra.mechanics.compiled import njit
@@ -12,8 +13,6 @@ from tensegra.mechanics.lanes import WIDTH, load, store
 from tensegra.mechanics.path import prepare
 from tensegra.mechanics.state import Lanes, Topology, Workspace
 from tensegra.structure import Structure
-
-from .timing import one_blas_thread
 
 __all__ = ["PARTS", "Pack", "fused_rate", "kernel_seconds", "matrix_product_rate"]
 

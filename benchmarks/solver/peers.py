@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.solver.timing import Stopwatch, one_blas_thread
 from tensegra.mechanics import EquilibriumPath, solve_path
 from tensegra.mechanics.arrays import FloatArray, StructureArrays, structure_arrays
 from tensegra.report.tables import Table
 from tensegra.structure import Structure, library
-
-from .timing import Stopwatch, one_blas_thread
 
 __all__ = ["PeerRow", "Peers", "measure_peers"]
 

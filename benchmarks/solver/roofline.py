@@ -5,12 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.solver.kernel_times import Pack, fused_rate, kernel_seconds, matrix_product_rate
+from benchmarks.solver.timing import REFERENCE, Spread, blas_in_words, cholesky_seconds
 from tensegra.mechanics.pattern import Pattern
 from tensegra.report.tables import Table
 from tensegra.structure import Structure
-
-from .kernel_times import Pack, fused_rate, kernel_seconds, matrix_product_rate
-from .timing import REFERENCE, Spread, blas_in_words, cholesky_seconds
 
 __all__ = ["Roofline", "Work", "factor_work", "measure_roofline"]
 
