@@ -2,11 +2,11 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tensegra.errors import ModelError
+from tensegra.files import write_text
 from tensegra.structure.load import LOADERS, load_values
 from tensegra.structure.mapping import SCHEMA, structure_to_mapping
 from tensegra.structure.parts import Actuator, Material, Member, Stage
@@ -82,20 +82,13 @@ def write_structure(structure: Structure, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     ModelError
-        The suffix is none of `.yaml`, `.yml` and `.json`.
+        The suffix is none of `.yaml`, `.yml` and `.json`, or the file cannot be written.
     """
     path = Path(path)
     dump = _DUMPERS.get(path.suffix.lower())
     if dump is None:
         raise _unknown_suffix(path)
-    text = dump(structure_to_mapping(structure))
-    draft = path.with_name(f".{path.name}.{os.getpid()}.draft")
-    try:
-        draft.write_text(text, encoding="utf-8", newline="\n")
-        draft.replace(path)
-    finally:
-        with suppress(FileNotFoundError):
-            draft.unlink()
+    write_text(path, dump(structure_to_mapping(structure)), ModelError)
 
 
 def build(

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 from pydantic import BeforeValidator, ConfigDict, Field, Strict, model_validator
 
 from tensegra.errors import StudyError
-from tensegra.filenames import require_file_names
+from tensegra.files import require_file_names
 from tensegra.study.distributions import Distribution, as_distribution
 from tensegra.study.entry import Count, Entry, Identifier, Number, OneOf, Positive
 from tensegra.study.law_entries import DistributionEntry

@@ -16,11 +16,11 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from tensegra.files import replacing
 from tensegra.report.figures import WIDTH, svg
 from tensegra.report.paper.chapter import Agreement, Chapter, Row
 from tensegra.report.results import write_json
 from tensegra.report.tables import Table
-from tensegra.study.atomic import replacing
 
 __all__ = ["DrawnFigure", "FinishedChapter", "Stamp", "finish", "read_finished"]
 

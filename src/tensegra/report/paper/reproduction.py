@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from tensegra.errors import TensegraError
+from tensegra.files import replacing
 from tensegra.mechanics import PathSettings
 from tensegra.report.paper.beam_model import solve_beam
 from tensegra.report.paper.chapter import Agreement, Chapter, Row
@@ -22,7 +23,6 @@ from tensegra.report.paper.page import markdown_page, page
 from tensegra.report.paper.setting import Setting
 from tensegra.report.pipeline import versions
 from tensegra.report.results import write_json
-from tensegra.study.atomic import replacing
 
 __all__ = ["CHAPTERS", "Reproduction", "Tally", "reproduce"]
 

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.errors import StudyError
+from tensegra.files import replacing
 from tensegra.mechanics import PathSettings
 from tensegra.report.paper.beam_model import BeamRuns, solve_beam
 from tensegra.report.results import key_of
 from tensegra.structure import Structure, apply_changes, library
-from tensegra.study.atomic import replacing
 
 __all__ = ["STRUCTURES", "Setting"]
 
