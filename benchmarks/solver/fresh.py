@@ -45,13 +45,15 @@ def memory(n_runs: int, threads: int) -> dict[str, int]:
 
 
 def peak_bytes() -> int:
-    """Return the most memory that this process has held.
+    """Return the most memory that this process has held, 0 where the system does not tell.
 
     On Linux `getrusage` would begin with what its parent held when it was started.
     """
     status = Path("/proc/self/status")
     if status.is_file():
         return 1024 * int(status.read_text().partition("VmHWM:")[2].split()[0])
+    if sys.platform == "win32":  # which does not tell without another library
+        return 0
     import resource
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -9,6 +9,7 @@
 from typing import TYPE_CHECKING
 
 from tensegra.presented import present_by
+from tensegra.savable import register as _register
 
 if TYPE_CHECKING:
     from typing import Any
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
         sobol_indices,
     )
     from tensegra.errors import ModelError, SolverError, StudyError, TensegraError
+    from tensegra.exchange import read_structure
     from tensegra.mechanics import (
         Batch,
         Equilibrium,
@@ -60,7 +62,6 @@ if TYPE_CHECKING:
         apply_changes,
         library,
         parse_structure,
-        read_structure,
         write_structure,
     )
     from tensegra.study import (
@@ -157,9 +158,9 @@ _HOMES = {
         "apply_changes",
         "library",
         "parse_structure",
-        "read_structure",
         "write_structure",
     ),
+    "exchange": ("read_structure",),
     "mechanics": (
         "Batch",
         "Equilibrium",
@@ -240,3 +241,12 @@ def _presenter() -> "Presenter":
 
 
 present_by(_presenter)
+
+
+def _save(what: "Any", path: "Any", format: str | None) -> None:  # noqa: A002, ANN401 - what the formats take
+    from tensegra.report.export import save
+
+    save(what, path, format)
+
+
+_register(_save)

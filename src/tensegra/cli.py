@@ -16,7 +16,9 @@ from typing import Annotated
 
 import typer
 
+from tensegra.commands import Commands
 from tensegra.errors import TensegraError, shortened
+from tensegra.file_commands import add_commands
 
 __all__ = ["app", "main"]
 
@@ -30,6 +32,7 @@ DONE, NUMERICAL_FAILURE, BAD_INPUT = 0, 1, 2
 
 app = typer.Typer(
     name="tensegra",
+    cls=Commands,
     help="Statics, uncertainty and optimisation of classical and clustered tensegrity structures.",
     no_args_is_help=True,
     add_completion=False,
@@ -140,7 +143,7 @@ def solve(
             "--temperature",
             "-t",
             metavar="NAME=VALUE",
-            help="Temperature of a member or group, such as top=50.",
+            help="Difference of temperature of a member or group, such as top=50.",
         ),
     ] = None,
     output: Annotated[
@@ -154,14 +157,15 @@ def solve(
 ) -> None:
     """Follow a structure through its stages and then along an actuation."""
     from tensegra.mechanics import solve_path
-    from tensegra.report.references import parse_settings, structure_from
+    from tensegra.report.references import parse_settings, parse_temperatures, structure_from
     from tensegra.report.tables import write_history
     from tensegra.terminal import show_path
 
+    asked = structure_from(structure)
     path = solve_path(
-        structure_from(structure),
+        asked,
         parse_settings(actuation or [], "-a"),
-        parse_settings(temperature or [], "-t"),
+        parse_temperatures(temperature or [], asked),
         settle_start=settle_start,
     )
     if output is not None:
@@ -278,31 +282,4 @@ def report(
     show_report(written, as_json=as_json)
 
 
-@app.command()
-def reproduce(
-    scale: Annotated[
-        float, typer.Option("--scale", help="Share of the publication's numbers of runs, above 0, at most 1.")
-    ] = 1.0,
-    structure: Annotated[
-        str, typer.Option("--structure", metavar="NAME", help="paper_beam or paper_beam_slender.")
-    ] = "paper_beam",
-    seed: Annotated[int, typer.Option("--seed", help="From which all random choices come.")] = 1,
-    folder: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FOLDER", help="runs/reproduction- and the name if left out."),
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Make every table and figure of the source paper again, beside the printed values."""
-    from tensegra.report.paper import reproduce as reproduce_paper
-    from tensegra.terminal import show_reproduction
-
-    made = reproduce_paper(
-        folder if folder is not None else Path("runs") / f"reproduction-{structure}",
-        scale=scale,
-        structure=structure,
-        seed=seed,
-        tell=lambda line: typer.echo(line, err=True),
-    )
-    show_reproduction(made, as_json=as_json)
-    raise typer.Exit(DONE if made.succeeded else NUMERICAL_FAILURE)
+add_commands(app)

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from tensegra.mechanics import EquilibriumPath
     from tensegra.report.check import StructureCheck, StudyCheck
-    from tensegra.report.paper import Reproduction
     from tensegra.report.results import Results
     from tensegra.study import Campaign
     from tensegra.study.cost import Probe
@@ -40,7 +39,6 @@ __all__ = [
     "show_dry_run",
     "show_path",
     "show_report",
-    "show_reproduction",
     "show_results",
     "show_state",
     "show_structure_check",
@@ -71,6 +69,8 @@ def show_structure_check(result: "StructureCheck", *, as_json: bool = False) -> 
     print_table(stage_table(result.path))
     print_table(event_table(result.path))
     print_table(member_table(result))
+    if result.path.final.status != "failed":
+        print_table(reaction_table(result.path.final))
     for line in check_lines(result):
         print_line(line)
 
@@ -125,6 +125,8 @@ def show_path(path: "EquilibriumPath", *, as_json: bool = False) -> None:
     free = path.final.rigid_motions
     if free:
         print_line(f"Free, held by neither supports nor loads: {', '.join(free)}.")
+    for warning in path.final.warnings:
+        print_line(f"Warning: {warning}.")
     reason = f": {path.reason}" if path.reason else ""
     print_line(f"The history is {path.status}{reason}.")
 
@@ -177,23 +179,6 @@ def show_report(path: "Path", *, as_json: bool = False) -> None:
         print_json({"report": str(path)})
     else:
         print_line(str(path))
-
-
-def show_reproduction(made: "Reproduction", *, as_json: bool = False) -> None:
-    """Show how the publication's values compare with ours; the reasons stand in the report."""
-    if as_json:
-        print_json(made.to_dict())
-        return
-    from tensegra.report.paper.comparison import short_table
-
-    for finished in made.chapters:
-        print_table(short_table(finished.chapter.title, finished.chapter.rows))
-    for finding in (text for finished in made.chapters for text in finished.chapter.findings):
-        print_line(f"- {finding}")
-    for failure in made.failures:
-        print_line(f"Could not be had: {failure}.")
-    print_line(made.summary)
-    print_line(f"{made.report}, {made.table}")
 
 
 def print_json(content: dict[str, Any]) -> None:

@@ -9,8 +9,16 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-LAST_RESORT = 300.0
-"""Seconds after which a call that no signal can interrupt ends the process, with a traceback."""
+
+@pytest.fixture(scope="session", autouse=True)
+def _kernels():
+    """Compile before any limit of time runs, which is meant for a file."""
+    from tensegra.mechanics import solve_path
+    from tensegra.report.check import check_structure
+    from tensegra.structure import library
+
+    check_structure(library.von_mises_truss())
+    solve_path(library.prism(), {"top": 0.01})
 
 
 @pytest.fixture(autouse=True)

@@ -87,6 +87,8 @@ def _sound(schema, root, depth):
         return st.just(schema["const"])
     if "enum" in schema:
         return st.sampled_from(schema["enum"])
+    if isinstance(schema.get("type"), list):
+        return st.one_of([_sound({**schema, "type": each}, root, depth) for each in schema["type"]])
     if schema.get("type") in {"object", "array"}:
         below = _objects if schema["type"] == "object" else _arrays
         return below(schema, root, depth) if depth <= DEEPEST else st.just({} if below is _objects else [])
@@ -157,13 +159,18 @@ def spoilt(draw, base):
             case 2 if isinstance(target, dict):
                 target[draw(st.sampled_from(NAMES) | st.text(max_size=4))] = target.pop(last)
             case 3:
-                target[last] = draw(st.one_of(parts))
-            case 4 if isinstance(target[last], int | float) and not isinstance(target[last], bool):
+                target[last] = copy.deepcopy(draw(st.one_of(parts)))
+            case 4 if _can_be_scaled(target[last]):
                 factors = st.sampled_from([0, -1, 1e3, 1e6, 1e12, 1e-3, 1e-6, 1e-12, 1e90, 1e-90])
                 target[last] *= draw(factors)
             case _:
-                target[last] = draw(ODD)
+                target[last] = copy.deepcopy(draw(ODD))  # which the next change may spoil in turn
     return content
+
+
+def _can_be_scaled(value):
+    """Whether a value is a number, and not one of those that no float holds."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
 
 
 def places(value, place=()):

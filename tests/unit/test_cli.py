@@ -1,4 +1,5 @@
 import json
+import re
 from pathlib import Path
 
 import pandas as pd
@@ -136,12 +137,24 @@ def test_solve_for_people(tensegra):
     assert "The history is stable." in out
 
 
+def test_a_temperature_may_be_a_quantity(tensegra):
+    answers = [tensegra("solve", "library:paper_beam", "-t", f"top={t}", "--json") for t in ("50", "90 degF")]
+    assert answers[0] == answers[1]
+    assert answers[0][0] == 0
+
+
+def test_check_shows_what_the_supports_bear(tensegra):
+    code, out, _ = tensegra("check", "library:paper_beam")
+    assert code == 0
+    assert re.search(r"Reactions, kN\n.*\bsum +0\.0000 +0\.0000 +10\.87", out, re.DOTALL)
+
+
 @pytest.mark.usefixtures("_files")
 def test_solve_writes_the_path(tensegra):
     code, *_ = tensegra("solve", "rope.yaml", "-a", "A=0.01", "-o", "path.parquet")
     assert code == 0
     frame = pd.read_parquet("path.parquet")
-    assert {"stage", "parameter", "x_2", "tension_K1"} <= set(frame)
+    assert {"stage", "parameter", "x_2", "T_K1"} <= set(frame)
     assert frame["stage"].iloc[-1] == "actuation"
 
 
@@ -362,6 +375,11 @@ def test_a_study_that_cannot_be_is_refused_in_one_line(tensegra, keys, value, me
         (("solve", "rope.yaml", "-a", "AA=0.1"), "found 'AA', expected an actuator"),
         (("solve", "rope.yaml", "-a", "A=1"), "actuation A"),
         (("solve", "rope.yaml", "-t", "K9=1"), "found 'K9'"),
+        (
+            ("solve", "rope.yaml", "-t", "K1=1e9"),
+            "-t: K1: found 1000000000.0, expected a difference of at most",
+        ),
+        (("solve", "rope.yaml", "-t", "K1=5 kN"), "-t: found 'K1=5 kN'"),
         (("solve", "rope.yaml", "-o", "path.xls"), "-o: found 'path.xls'"),
         (("run", "nothing.yaml"), "nothing.yaml: no such file"),
         (("run", "rope.yaml"), "rope.yaml"),

@@ -28,6 +28,7 @@ from tensegra.analysis.compiled import minimise
 from tensegra.analysis.manystarts import Ends
 from tensegra.analysis.problem import FEASIBLE, Assessment, Problem, Recorder
 from tensegra.errors import StudyError
+from tensegra.surrogate.threads import one_thread
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -274,7 +275,8 @@ def search(
         if n_before:
             recorder.adopt(optimiser.X, optimiser.outputs)
     while optimiser.n_told < evaluations:
-        x = optimiser.ask()
+        with one_thread():  # matrices of so few points are no work to share
+            x = optimiser.ask()
         _, _, found = recorder.evaluate_at(x[None], [0])
         optimiser.tell(x, found.outputs[0])
         if file is not None:

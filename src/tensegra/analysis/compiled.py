@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegra.surrogate.threads import one_thread
+
 Array = NDArray[np.float64]
 Bounds = Sequence[tuple[float, float]]
 # "eq" or "ineq", the margins at a point, and their Jacobian.
@@ -56,7 +58,8 @@ def minimise(
     told: Any = {"method": method, "options": dict(options), "bounds": list(bounds)}
     if conditions:
         told["constraints"] = conditions
-    return minimize(both, contiguous(z), jac=True, **told)
+    with one_thread():  # of a few numbers at a time; several would wait for each other
+        return minimize(both, contiguous(z), jac=True, **told)
 
 
 def least_squares(
@@ -68,7 +71,10 @@ def least_squares(
     """Run `scipy.optimize.least_squares` on residuals and their Jacobian."""
     from scipy import optimize
 
-    return optimize.least_squares(_contiguous_of(residual), contiguous(z), _contiguous_of(slope), **options)
+    with one_thread():
+        return optimize.least_squares(
+            _contiguous_of(residual), contiguous(z), _contiguous_of(slope), **options
+        )
 
 
 def _contiguous_of(function: Callable[[Array], ArrayLike]) -> Callable[[Array], Array]:

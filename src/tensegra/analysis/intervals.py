@@ -223,9 +223,11 @@ def _share_of_two(pooled: Sketch, replicates: Sequence[Sketch], confidence: floa
     above = pooled.count_above(pooled.minimum)[0]
     if pooled.order_statistic(pooled.count - above + 1)[0] < pooled.maximum:
         return None
+    share = above / pooled.count
     if len(replicates) > 1:
-        return exceedance(pooled, replicates, pooled.minimum, confidence)
-    return Estimate(above / pooled.count, *wide_interval(above, pooled.count, confidence))
+        shares = _shares_above(replicates, pooled.minimum, 0)
+        return Estimate(share, *replicated_interval(shares, _size(replicates), confidence, wide=True))
+    return Estimate(share, *wide_interval(above, pooled.count, confidence))
 
 
 def _of_two(std: float, share: Estimate, width: float) -> Estimate:

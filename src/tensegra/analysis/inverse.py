@@ -5,7 +5,8 @@ squares with exact derivatives (Voglis & Lagaris 2004). Where inputs are more th
 would do; a weak pull towards the waypoint before picks the nearest, so that the trajectory is continuous. The
 first waypoint is sought from many starts. Then the errors of the inputs are propagated at every waypoint: the
 interval that the outputs will really lie in. With a surrogate, its own uncertainty is part of it, and the
-true model solves every waypoint again.
+true model solves every waypoint again; where it misses, the surrogate is shifted by what it is off and aims
+again, and the interval lies around what the true model says.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -14,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegra.analysis.aiming import aim_again
 from tensegra.analysis.model import as_model, column_index
 from tensegra.analysis.scatter import scatter
 from tensegra.analysis.searched import mean_of_each
@@ -76,7 +78,8 @@ def reach(
     samples, confidence
         Of the errors at each waypoint; level of the intervals.
     seed, true_model, name, progress
-        Of the random numbers; solves the waypoints again; of the result; called with (waypoints done, all).
+        Of the random numbers; solves the waypoints again, and has the last word on what is reached; of the
+        result; called with (waypoints done, all).
 
     Raises
     ------
@@ -111,12 +114,24 @@ def reach(
         if progress is not None:
             progress(i + 1, len(wanted))
     X = np.array(found)
-    outputs = asked.evaluate(way.inputs(X)).values[:, columns]
     allowed = _tolerance(tolerance, tuple(targets), way.scales)
+    truth, place = None, list(columns)
+    if true_model is not None:
+        solver = as_model(true_model)
+        if solver.input_names != asked.input_names:
+            expected = f"the inputs {list(asked.input_names)}"
+            raise StudyError.at("inverse.true_model", list(solver.input_names), expected)
+        place = column_index(solver.output_names, tuple(targets), "inverse.true_model")
+        solved = replace(way, model=solver, conditions=conditions_of(solver, constraints))
+        X, truth = aim_again(way, solved, X, wanted, allowed, place)
+    outputs = asked.evaluate(way.inputs(X)).values[:, columns]
     draws = around.draw(samples, seed) if around.scatters else None
     low, high, n_failed = _intervals(way, draws, X, outputs, seed, confidence)
+    if truth is not None:
+        shift = np.where(truth.valid[:, None], truth.values[:, place] - outputs, 0.0)
+        low, high = low + shift, high + shift
     held = mean_of_each(around.laws)
-    result = Trajectory(
+    return Trajectory(
         name=name,
         model=asked.name,
         seed=seed,
@@ -129,30 +144,16 @@ def reach(
         target_names=tuple(targets),
         targets=wanted,
         outputs=outputs,
-        reached=_holds(outputs, wanted, allowed) & way.keeps(X),
+        # A waypoint is reached when the true model says so.
+        reached=_holds(outputs, wanted, allowed) & way.keeps(X) if truth is None else truth.reached,
         low=low,
         high=high,
         laws=around.laws.describe() if around.scatters else {},
         n_samples=samples if around.scatters else 0,
         n_failed=n_failed,
+        true_status=None if truth is None else tuple(truth.status.tolist()),
+        true_outputs=None if truth is None else truth.values[:, place],
         units=dict(asked.units),
-    )
-    if true_model is None:
-        return result
-    truth = as_model(true_model)
-    if truth.input_names != asked.input_names:
-        expected = f"the inputs {list(asked.input_names)}"
-        raise StudyError.at("inverse.true_model", list(truth.input_names), expected)
-    again = truth.evaluate(way.inputs(X))
-    place = column_index(truth.output_names, tuple(targets), "inverse.true_model")
-    # A waypoint is reached when the true model says so.
-    solved = replace(way, model=truth, conditions=conditions_of(truth, constraints))
-    reached = again.valid & _holds(again.values[:, place], wanted, allowed) & solved.keeps(X)
-    return replace(
-        result,
-        reached=reached,
-        true_status=tuple(again.status.tolist()),
-        true_outputs=again.values[:, place],
     )
 
 

@@ -20,13 +20,26 @@ Array = NDArray[np.float64]
 MANY_EVENTS = 20
 # Of fewer events than these the replicates cannot tell their scatter; they count as independent samples.
 FEW_EVENTS = 6
+# Of an event seen fewer times than this the interval has to make up for samples that have not seen it at all:
+# of three expected events one sample in twenty sees none, which leaves next to nothing of 5 % to the others.
+HARDLY_SEEN = 10
+LEFT_TO_OTHERS = 0.1
 # Points that Blaker's ends are sought on, twice: to 1/4,000 of the way from Clopper and Pearson's.
 GRID = 64
 
 
 def wide_interval(k: float, n: float, confidence: float) -> tuple[float, float]:
-    """Return Clopper and Pearson's own interval, for those to whom an event that was not seen is none."""
-    return _clopper_pearson(k, n, confidence)
+    """Return the interval for those to whom an event that was not seen is none, and has no interval.
+
+    It is Clopper and Pearson's, and reaches further towards nothing where the event was hardly seen.
+    """
+    if k > n / 2:
+        low, high = wide_interval(n - k, n, confidence)
+        return 1.0 - high, 1.0 - low
+    low, high = _clopper_pearson(k, n, confidence)
+    if k < HARDLY_SEEN:
+        low = _clopper_pearson(k, n, 1.0 - LEFT_TO_OTHERS * (1.0 - confidence))[0]
+    return low, high
 
 
 def share_interval(least: float, most: float, n: float, confidence: float) -> tuple[float, float]:
@@ -43,14 +56,20 @@ def share_interval(least: float, most: float, n: float, confidence: float) -> tu
     return low, high
 
 
-def replicated_interval(shares: Array, size: float, confidence: float) -> tuple[float, float]:
-    """Return the interval of a probability from its share (n_replicates,) in replicates of `size` points."""
+def replicated_interval(
+    shares: Array, size: float, confidence: float, *, wide: bool = False
+) -> tuple[float, float]:
+    """Return the interval of a probability from its share (n_replicates,) in replicates of `size` points.
+
+    It is the `wide_interval` of as many independent samples, if `wide`.
+    """
     from scipy.special import stdtrit
 
+    inner = wide_interval if wide else _clopper_pearson
     n, share = size * shares.size, float(shares.mean())
     events = n * min(share, 1.0 - share)
     if shares.size < 2 or events < FEW_EVENTS:
-        return share_interval(round(n * share), round(n * share), round(n), confidence)
+        return (wide_interval if wide else _independent)(round(n * share), round(n), confidence)
     counts = shares * size
     floor = np.floor(counts.min() + 1e-6)
     if floor > 0 and counts.max() < min(floor + 1.5, size - 0.5):
@@ -58,7 +77,7 @@ def replicated_interval(shares: Array, size: float, confidence: float) -> tuple[
     tail = 0.5 + confidence / 2
     loss = float(stdtrit(n - 1, tail) / stdtrit(shares.size - 1, tail)) ** 2
     effective = loss * share * (1.0 - share) / (float(shares.var(ddof=1)) / shares.size)
-    return _clopper_pearson(effective * share, effective, confidence)
+    return inner(effective * share, effective, confidence)
 
 
 def _between(more: Array, floor: float, size: float, confidence: float) -> tuple[float, float]:

@@ -26,11 +26,12 @@ class Trajectory(Tabled):
     held
         By input that is not designed: the number that the search took it at.
     target_names, targets, outputs
-        The outputs with targets: wanted and reached, (n_waypoints, n_targets).
+        The outputs with targets: wanted, and as the model has them, (n_waypoints, n_targets).
     reached
         Shape (n_waypoints,): by the true model, where there is one.
     low, high
-        The interval that each output lies in under the errors and, for a surrogate, its own uncertainty.
+        The interval that each output lies in under the errors and, for a surrogate, its own uncertainty;
+        around the true model's answer where there is one.
     laws, n_samples, n_failed
         The errors, in words; the samples of them at each waypoint, and how many failed, (n_waypoints,).
     true_status, true_outputs

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegra.errors import ModelError
-from tensegra.mechanics.arrays import AXES, FloatArray, structure_arrays
+from tensegra.mechanics.arrays import AXES, BoolArray, FloatArray, structure_arrays
 from tensegra.mechanics.block import (
     LOCKSTEP_KINDS,
     Parameter,
@@ -30,8 +30,10 @@ from tensegra.mechanics.settings import PathSettings, Policy, Procedure, path_se
 from tensegra.mechanics.stability import free_mechanisms
 from tensegra.mechanics.stages import Ground
 from tensegra.mechanics.status import Status, axis_index, index_of, names_in
-from tensegra.mechanics.variants import Variants
+from tensegra.mechanics.strains import strain_limits
+from tensegra.mechanics.variants import Variants, varied_arrays
 from tensegra.presented import Presented
+from tensegra.savable import Savable
 from tensegra.structure import Structure
 
 if TYPE_CHECKING:
@@ -44,7 +46,7 @@ BLOCK = 4096
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Batch(RunResults, Presented):
+class Batch(RunResults, Presented, Savable):
     """Results of many runs, with the runs themselves.
 
     Attributes
@@ -104,6 +106,24 @@ class Batch(RunResults, Presented):
     def tension(self, member: str | int) -> FloatArray:
         """Tension of a member, shape ``(n_runs,)``."""
         return self.tensions[:, index_of(self.structure.members, member, "member")]
+
+    @property
+    def strains(self) -> FloatArray:
+        """Strain T/EA of every member, ``(n_runs, n_members)``, tension positive; NaN where failed."""
+        arrays = varied_arrays(self.structure, structure_arrays(self.structure), self.variants)
+        strains: FloatArray = self.tensions / arrays.stiffness
+        return strains
+
+    @property
+    def largest_strain(self) -> FloatArray:
+        """Largest strain of a member in magnitude, shape ``(n_runs,)``; NaN where failed."""
+        largest: FloatArray = np.abs(self.strains).max(axis=1)
+        return largest
+
+    @property
+    def beyond_law(self) -> BoolArray:
+        """Whether a member is strained beyond the limit of its linear law, shape ``(n_runs,)``."""
+        return np.asarray((np.abs(self.strains) > strain_limits(self.structure)).any(axis=1))
 
     @cached_property
     def reactions(self) -> FloatArray:

@@ -207,7 +207,7 @@ def differentiate_block(
         supervisor = Supervisor(solver, leg)
         _, by = solver.certify(supervisor.runs, supervisor.outcome, None, (direction,))
         rates, tensions = by.nodes_by, by.tensions_by[:, 0]
-        for run in map(int, np.flatnonzero(stands & supervisor.grip.is_worn(supervisor.outcome.nodes))):
+        for run in map(int, np.flatnonzero(stands & solver.grip.is_worn(supervisor.outcome.nodes))):
             other = supervisor.hand_on(run)
             _, by = other.solver.certify(other.runs, other.outcome, None, (direction.of_run(run),))
             rates[run], tensions[run] = by.nodes_by[0], by.tensions_by[0, 0]

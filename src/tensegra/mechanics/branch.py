@@ -28,6 +28,10 @@ from tensegra.mechanics.step import LENGTH_ROUNDING
 EDGE = 1e-8
 """Share of the largest tension below which a cable is on the edge between slack and taut."""
 
+NEARLY_GONE, TOGETHER = 1e-2, 1e-2
+"""Share of the reference tension below which a collapse is foreseen, and share of what is left of it that any
+member may carry where the strongest carries nothing."""
+
 
 @njit
 def begin(topology, lanes, lane):
@@ -256,6 +260,51 @@ def go_back(topology, lanes, lane, base):
     for e in range(topology.n_members):
         put(lanes.stress, e, lane, get(lanes.base_stress, e, lane))
     put(lanes.parameter, 0, lane, base)
+
+
+@njit
+def collapses_at(topology, lanes, lane, base, reference):
+    """Return λ where all prestress of an unloaded lane is gone, as its base foresees it; infinite where not.
+
+    Towards a collapse all tensions fall to nothing together, and K with them: every step there is cut, the
+    shorter the nearer. Once little is left the derivatives tell where nothing is.
+    """
+    for i in range(topology.n_coordinates):
+        load = get(lanes.loads_start, i, lane) + base * get(lanes.loads_rate, i, lane)
+        if number(topology.free, i) * load != 0.0:
+            return np.inf
+    strongest, most = 0, 0.0
+    for e in range(topology.n_members):
+        taut = number(topology.is_cable, e) == 0.0 or get(lanes.base_taut, e, lane) > 0.0
+        carried = abs(get(lanes.base_stress, e, lane)) * number(topology.moving, e)
+        if taut and carried > most:
+            strongest, most = e, carried
+    if not 0.0 < most < NEARLY_GONE * reference:
+        return np.inf
+    side = 1.0 if get(lanes.base_stress, strongest, lane) > 0.0 else -1.0
+    falls = side * get(lanes.base_stress_rate, strongest, lane)
+    square = falls * falls - 2.0 * most * side * get(lanes.base_stress_bend, strongest, lane)
+    if not (falls < 0.0 and square >= 0.0):
+        return np.inf
+    h = 2.0 * most / (np.sqrt(square) - falls)
+    for e in range(topology.n_members):
+        taut = number(topology.is_cable, e) == 0.0 or get(lanes.base_taut, e, lane) > 0.0
+        if taut and number(topology.moving, e) > 0.0 and abs(_foreseen(lanes, lane, e, h)) > TOGETHER * most:
+            return np.inf
+    return base + h if base + h < 1.0 else np.inf
+
+
+@njit
+def leave_foreseen(topology, lanes, outcome, lane, r, base, target):
+    """Write where a lane will be at λ = `target`, as its base foresees it, for where its branch ends."""
+    leave_base(topology, lanes, outcome, lane, r, base)
+    predict(topology, lanes, lane, base, target)
+    outcome.parameter[r] = target
+    for i in range(topology.n_coordinates):
+        outcome.nodes[r, i] = get(lanes.x, i, lane)
+    for e in range(topology.n_members):
+        taut = number(topology.is_cable, e) == 0.0 or get(lanes.base_taut, e, lane) > 0.0
+        outcome.tensions[r, e] = get(lanes.stress, e, lane) if taut else 0.0
 
 
 @njit

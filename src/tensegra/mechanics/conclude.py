@@ -36,14 +36,16 @@ def concluded(
     n_runs, arrays = supervisor.n_runs, supervisor.arrays
     begin = _begin(supervisor, modes) if solver.iterates(n_runs) else None
     certificate, by = solver.certify(supervisor.runs, outcome, begin, directions)
-    handed = np.flatnonzero(supervisor.is_handed)
-    failed = account.has(Status.FAILED)
-    unproved = ~failed & (certificate.proof != PROVED) & ~supervisor.is_handed
+    handed = supervisor.is_handed
+    # Where a fall has found K singular, shifted to either side of zero, its lowest eigenvalue is none.
+    gone = account.has(Status.COLLAPSED)
+    certificate.lowest_eigenvalue[gone] = 0.0
+    unproved = ~(gone | account.has(Status.FAILED) | handed) & (certificate.proof != PROVED)
     for run in map(int, np.flatnonzero(unproved)):
         tangent = supervisor.gauge.measured(run, outcome.nodes[run], float(outcome.parameter[run]))
         certificate.lowest_eigenvalue[run] = tangent.lowest_eigenvalue()
     lowest = certificate.lowest_eigenvalue
-    _judge(supervisor, lowest)
+    _judge(supervisor, lowest, ~handed)
     failed = account.has(Status.FAILED)
     nodes = outcome.nodes.reshape(n_runs, arrays.n_nodes, 3)
     if account.record is not None and not failed[0]:
@@ -78,7 +80,7 @@ def concluded(
         history=account.history,
         last_load=supervisor.gauge.load(0, float(outcome.parameter[0])) if n_runs == 1 else None,
     )
-    for run in map(int, handed):
+    for run in map(int, np.flatnonzero(handed)):
         other = supervisor.handed_on.get(run) or supervisor.hand_on(run)
         end.put(run, concluded(other, None, [direction.of_run(run) for direction in directions]))
     return end
@@ -93,29 +95,27 @@ def _begin(supervisor: Supervisor, modes: FloatArray | None) -> FloatArray:
     return rows.reshape(N_VECTORS, -1)
 
 
-def _judge(supervisor: Supervisor, lowest: FloatArray) -> None:
+def _judge(supervisor: Supervisor, lowest: FloatArray, here: BoolArray) -> None:
     """Make the words of what stands at the end: an eigenvalue, a residual, what held coordinates carry."""
     outcome, account = supervisor.outcome, supervisor.account
-    here = ~supervisor.is_handed
     zero = ZERO_EIGENVALUE * supervisor.gauge.stiffest(supervisor.n_runs)
-
-    def arrived() -> BoolArray:
-        return here & account.has(Status.STABLE, Status.SNAPPED)
-
-    for run in map(int, np.flatnonzero(arrived() & ~(lowest > zero))):
-        if lowest[run] >= -zero[run]:
-            account.set(run, Status.COLLAPSED, "ends where K is singular")
-        else:
+    arrived = here & account.has(Status.STABLE, Status.SNAPPED)
+    leans = arrived & _leans(supervisor) if len(supervisor.gauge.motions) else np.zeros_like(arrived)
+    in_balance = outcome.residual <= supervisor.settings.residual
+    for run in map(int, np.flatnonzero(arrived & ~((lowest > zero) & in_balance & ~leans))):
+        if lowest[run] < -zero[run]:
             account.set(run, Status.UNSTABLE, f"ends where K has the negative eigenvalue {lowest[run]:.4g}")
-    if len(supervisor.gauge.motions):
-        for run in map(int, np.flatnonzero(arrived() & _leans(supervisor))):
+        elif not lowest[run] > zero[run]:
+            account.set(run, Status.COLLAPSED, "ends where K is singular")
+        elif leans[run]:
             lie = "its nodes have come to lie where they do not tell its rigid motions from others"
             account.fail(run, lie)
-    for run in map(int, np.flatnonzero(arrived() & ~(outcome.residual <= supervisor.settings.residual))):
-        account.fail(run, f"its residual at the end is {outcome.residual[run]:.3g}")
-    for run in map(int, np.flatnonzero(here & account.has(Status.SNAPPED))):
+        else:
+            account.fail(run, f"its residual at the end is {outcome.residual[run]:.3g}")
+    for run in map(int, np.flatnonzero(arrived)) if any(account.critical_points) else ():
         snaps = [str(point) for point in account.critical_points[run] if account.is_snap(point)]
-        account.reason[run] = "; ".join(snaps) or account.reason[run]
+        if account.status[run] is Status.SNAPPED and snaps:
+            account.reason[run] = "; ".join(snaps)
 
 
 def _leans(supervisor: Supervisor) -> BoolArray:
@@ -128,7 +128,7 @@ def _leans(supervisor: Supervisor) -> BoolArray:
     nodes = outcome.nodes.reshape(n_runs, -1, 3)
     loads = np.array([supervisor.gauge.load(r, float(outcome.parameter[r])).force for r in range(n_runs)])
     out = internal_forces(supervisor.arrays, nodes, outcome.tensions) - loads
-    out = np.abs(np.where(supervisor.grip.held, out, 0.0)).max(axis=(1, 2))
+    out = np.abs(np.where(supervisor.solver.grip.held, out, 0.0)).max(axis=(1, 2))
     scale = np.maximum(np.abs(outcome.tensions).max(axis=1), np.abs(loads).max(axis=(1, 2)))
     # The other coordinates leave their own residuals to these, by levers as long as the body.
     worst: BoolArray = out > PINNED * supervisor.settings.residual * scale

@@ -1,11 +1,14 @@
 """Falls of runs of a stage: descents, off every saddle, until the structure stands or nothing holds it."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from tensegra.mechanics import descend, follow
 from tensegra.mechanics.arrays import FloatArray, IndexArray
 from tensegra.mechanics.gauge import Gauge
-from tensegra.mechanics.grip import Grip, Handed
+from tensegra.mechanics.inputs import StageInputs
+from tensegra.mechanics.solver import Solver
 from tensegra.mechanics.state import Outcome, Runs
 from tensegra.mechanics.turn import turned_by
 
@@ -29,6 +32,19 @@ MOST_GRIPS = 8
 """Times that other coordinates are held for the neutral motions in one fall."""
 
 
+class Handed(NamedTuple):
+    """What takes a run on from where it is, with other coordinates held for its neutral motions.
+
+    `solver` holds coordinates that are good there; `stage` are the inputs of the run alone; from `start`,
+    positions at λ = 0, ``(1, n_nodes, 3)``, supports move on as before, while what is held for neutral
+    motions rests where the run is.
+    """
+
+    solver: Solver
+    stage: StageInputs
+    start: FloatArray
+
+
 class Falls:
     """Lets runs of a stage fall.
 
@@ -38,8 +54,6 @@ class Falls:
         The runs.
     reference
         What counts as a tension of the structure, ``(n_runs,)``.
-    grip
-        Watches what is held for neutral motions.
 
     Attributes
     ----------
@@ -47,8 +61,8 @@ class Falls:
         Who takes a run on, once what the solver holds was worn.
     """
 
-    def __init__(self, gauge: Gauge, runs: Runs, reference: FloatArray, grip: Grip) -> None:
-        self.gauge, self.runs, self.grip, self.solver = gauge, runs, grip, gauge.solver
+    def __init__(self, gauge: Gauge, runs: Runs, reference: FloatArray) -> None:
+        self.gauge, self.runs, self.solver = gauge, runs, gauge.solver
         self.flat_below = FLAT_TENSION * reference
         self.handed: dict[int, Handed] = {}
 
@@ -85,7 +99,7 @@ class Falls:
             turned[row] = turned_by(nodes[row].reshape(-1, 3), force, turning).ravel()
             if len(self.gauge.motions) and np.abs(turned[row] - nodes[row]).max() > 0.0:
                 # What is held for neutral motions was held where the body is no more.
-                self.handed[run] = self.grip.anew(run, turned[row])
+                self.hand_on(run, turned[row])
         return turned
 
     def _descend(self, runs: IndexArray, fallen: Outcome) -> None:
@@ -96,27 +110,28 @@ class Falls:
         self.solver.fall(self.runs, runs[shared], part, self.flat_below[runs[shared]])
         fallen.put(shared, part)
         worn = handed.copy()
-        worn[shared] = self.grip.is_worn(part.nodes)
+        worn[shared] = self.solver.grip.is_worn(part.nodes)
         for row in np.flatnonzero(worn).tolist():
             self._descend_alone(int(runs[row]), row, fallen)
 
     def _descend_alone(self, run: int, row: int, fallen: Outcome) -> None:
         one = fallen.take(np.array([row]))
         for _ in range(MOST_GRIPS):
-            if run not in self.handed or self._is_worn_again(run, one.nodes):
-                self.handed[run] = self.grip.anew(run, one.nodes[0])
-            solver, stage, start = self.handed[run]
+            worn = run not in self.handed or self.handed[run].solver.grip.is_worn(one.nodes)[0]
+            solver, stage, start = self.hand_on(run, one.nodes[0]) if worn else self.handed[run]
             alone = solver.runs(stage, self.gauge.stiffness_of(run), start, 1)
             solver.fall(alone, np.zeros(1, dtype=np.int64), one, self.flat_below[[run]])
-            if not self._is_worn_again(run, one.nodes):
+            if not solver.grip.is_worn(one.nodes)[0]:
                 break
         fallen.put(np.array([row]), one)
 
-    def _is_worn_again(self, run: int, nodes: FloatArray) -> bool:
-        solver, stage, start = self.handed[run]
-        stiffness = self.gauge.stiffness_of(run)
-        grip = Grip(Gauge(solver, stage, stiffness), solver.runs(stage, stiffness, start, 1))
-        return bool(grip.is_worn(nodes)[0])
+    def hand_on(self, run: int, nodes: FloatArray) -> Handed:
+        """Let others take a run on from some positions, ``(3 n_nodes,)``, with coordinates held there."""
+        given, at = self.solver.given, nodes.reshape(-1, 3)
+        row = self.runs.start[run if len(self.runs.start) > 1 else 0].reshape(-1, 3)
+        start = np.where(given.free, at, row)[None]
+        self.handed[run] = Handed(self.solver.held_anew(at), self.gauge.stage.of_run(run), start)
+        return self.handed[run]
 
     def _polish(self, runs: IndexArray, fallen: Outcome) -> None:
         """Bring falls into balance that have come near to it, and creep along too soft a valley."""

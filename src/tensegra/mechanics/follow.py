@@ -25,10 +25,12 @@ from tensegra.mechanics import kernels
 from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray
 from tensegra.mechanics.branch import (
     begin,
+    collapses_at,
     first_crossing,
     go_back,
     hold_taut,
     leave_base,
+    leave_foreseen,
     move_along,
     predict,
     reread,
@@ -49,6 +51,7 @@ from tensegra.mechanics.step import (
     leave,
     n_lanes,
     prescribe,
+    row_of,
     taut_by_stress,
     velocity,
 )
@@ -209,7 +212,7 @@ def follow_runs(topology, runs, control, outcome, record, lanes, first, last):
         for lane in range(n):
             if course.run[lane] < 0 or course.action[lane] == _IDLE or course.action[lane] == _CORRECT:
                 continue
-            end = _go_on(topology, control, outcome, record, lanes, course, lane)
+            end = _go_on(topology, control, runs.reference, outcome, record, lanes, course, lane)
             if end > 0:
                 n_active -= 1
                 outcome.end[course.run[lane]] = end
@@ -309,7 +312,7 @@ def _decide(topology, lanes, course, lane):
 
 
 @njit
-def _go_on(topology, control, outcome, record, lanes, course, lane):
+def _go_on(topology, control, reference, outcome, record, lanes, course, lane):
     """Do with a lane what was decided, and set out for its next point; return why its run ends, or 0."""
     r, action, mode = course.run[lane], course.action[lane], course.mode[lane]
     there, size = get(lanes.parameter, 0, lane), number(topology.numbers, 0)
@@ -357,6 +360,10 @@ def _go_on(topology, control, outcome, record, lanes, course, lane):
         if mode != _EVENT and once and _seek_event(topology, lanes, course, lane, foreseen):
             course.sought[lane] = foreseen
             return 0
+        gone = collapses_at(topology, lanes, lane, course.base[lane], row_of(reference, r))
+        if gone < 1.0:
+            leave_foreseen(topology, lanes, outcome, lane, r, course.base[lane], gone)
+            return BRANCH_ENDS
         course.step[lane] = CUT_TO * min(course.step[lane], course.target[lane] - course.base[lane])
         if course.step[lane] < control.smallest_step:
             leave_base(topology, lanes, outcome, lane, r, course.base[lane])

@@ -66,4 +66,4 @@ class Gauge:
         """Return the largest EA/l₀ of each run at the end of its way, ``(n_runs,)``."""
         rest_length = np.abs(self.stage.rest_length_at(1.0))
         stiffest = plain.by_length(1.0, rest_length, self.stiffness).max(axis=-1, initial=0.0)
-        return np.array(np.broadcast_to(stiffest, (n_runs,)))
+        return np.full(n_runs, stiffest)

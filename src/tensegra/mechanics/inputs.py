@@ -261,27 +261,46 @@ def actuation_inputs(
         or a shift of a coordinate that is not supported.
     """
     polynomials = _scaled(structure, arrays, before, run.actuation)
-    change = np.zeros((*_runs(run), arrays.n_members))
-    for name, value in run.temperature.items():
-        for member in structure.members_named(name):
-            change[..., arrays.member_index[member]] += np.asarray(_finite(value, f"temperature {name}"))
-    after = Inputs(
-        rest_length=polynomials.sum(axis=-1),
-        temperature=before.temperature + change,
-        loads=before.loads + _by_coordinate(structure, arrays, run.loads, "load"),
-        gravity=before.gravity,
-        positions=before.positions + _support_shift(structure, arrays, run.positions),
-    )
-    if not np.all(1.0 + arrays.thermal_expansion * after.temperature > 0.0):
-        raise ModelError.at("temperature", dict(run.temperature), "temperatures that leave a rest length")
+    after = _after(structure, arrays, before, run, polynomials)
     strain = 1.0 + arrays.thermal_expansion * before.temperature
-    rate = arrays.thermal_expansion * change
+    rate = arrays.thermal_expansion * (after.temperature - before.temperature)
     still = polynomials * strain[..., None]
     growing = polynomials * rate[..., None]
     rest_length = np.zeros((*growing.shape[:-1], growing.shape[-1] + 1))
     rest_length[..., :-1] += still
     rest_length[..., 1:] += growing
     return _stage(arrays, before, after, rest_length), after
+
+
+def inputs_under(structure: Structure, arrays: StructureArrays, before: Inputs, run: Actuation) -> Inputs:
+    """Return the inputs at the end of the way that `actuation_inputs` describes."""
+    return _after(structure, arrays, before, run, _scaled(structure, arrays, before, run.actuation))
+
+
+def _after(
+    structure: Structure, arrays: StructureArrays, before: Inputs, run: Actuation, polynomials: FloatArray
+) -> Inputs:
+    temperature = before.temperature
+    if run.temperature:
+        temperature = temperature + np.zeros((*_runs(run), arrays.n_members))
+        for name, value in run.temperature.items():
+            for member in structure.members_named(name):
+                at = arrays.member_index[member]
+                temperature[..., at] += np.asarray(_finite(value, f"temperature {name}"))
+    if not np.all(1.0 + arrays.thermal_expansion * temperature > 0.0):
+        raise ModelError.at("temperature", dict(run.temperature), "temperatures that leave a rest length")
+    loads, positions = before.loads, before.positions
+    if run.loads:
+        loads = loads + _by_coordinate(structure, arrays, run.loads, "load")
+    if run.positions:
+        positions = positions + _support_shift(structure, arrays, run.positions)
+    return Inputs(
+        rest_length=polynomials.sum(axis=-1),
+        temperature=temperature,
+        loads=loads,
+        gravity=before.gravity,
+        positions=positions,
+    )
 
 
 def _runs(run: Actuation) -> tuple[int, ...]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -61,7 +62,7 @@ class Prepared:
         """The structure, flattened."""
         return self.ground.arrays
 
-    @property
+    @cached_property
     def equilibria(self) -> tuple[Equilibrium, ...]:
         """The ends of the stages of a single run."""
         return tuple(equilibrium_of(self.structure, self.ground, end) for end in self.ends)
@@ -138,9 +139,17 @@ def solve_path(
 def prepare(
     structure: Structure, *, settle_start: bool = False, settings: PathSettings | None = None
 ) -> Prepared:
-    """Solve the stages of a structure, once for all actuations that start from them."""
+    """Solve the stages of a structure, once for all actuations that start from them.
+
+    What was found is kept with the structure: nothing of it is ever changed.
+    """
     ground = ground_of(structure, settings or PathSettings())
-    return through_stages(structure, ground, ground.arrays, settle_start=settle_start)
+    if settle_start not in ground.kept:
+        ground.kept[settle_start] = through_stages(
+            structure, ground, ground.arrays, settle_start=settle_start
+        )
+    prepared: Prepared = ground.kept[settle_start]
+    return prepared
 
 
 def through_stages(

@@ -31,8 +31,10 @@ from tensegra.mechanics.status import (
     index_of,
     names_in,
 )
+from tensegra.mechanics.strains import strain_warning
 from tensegra.mechanics.tangent import Tangent
 from tensegra.presented import Presented
+from tensegra.savable import Savable
 from tensegra.structure import Structure
 
 if TYPE_CHECKING:
@@ -118,6 +120,22 @@ class Equilibrium(Presented):
         """Tension of a member, unit of force."""
         return float(self.tensions[index_of(self.structure.members, member, "member")])
 
+    @property
+    def strains(self) -> FloatArray:
+        """Strain T/EA of each member, tension positive, shape ``(n_members,)``; zero for slack cables."""
+        return self.tensions / self.arrays.stiffness
+
+    @property
+    def largest_strain(self) -> float:
+        """Largest strain of a member in magnitude; NaN where failed."""
+        return float(np.abs(self.strains).max())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the equilibrium doubtful although it is one, in sentences: strains beyond the law."""
+        found = strain_warning(self.structure, self.strains)
+        return (found,) if found else ()
+
     @cached_property
     def reactions(self) -> FloatArray:
         """Forces of the supports on the structure, ``(n_nodes, 3)``; zero where nothing holds.
@@ -171,6 +189,8 @@ class Equilibrium(Presented):
             "mechanisms": [list(nodes) for nodes in self.mechanisms],
             "rigid_motions": list(self.rigid_motions),
             "utilisation": {} if failed else self.utilisation,
+            "largest_strain": _finite(self.largest_strain),
+            "warnings": list(self.warnings),
         }
 
     def to_dataframe(self) -> "pd.DataFrame":
@@ -203,7 +223,7 @@ class Equilibrium(Presented):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class EquilibriumPath(Presented):
+class EquilibriumPath(Presented, Savable):
     """The equilibria of a loading history: those of the stages and of the actuation after them.
 
     Attributes
@@ -326,8 +346,8 @@ class EquilibriumPath(Presented):
     def to_dataframe(self) -> "pd.DataFrame":
         """Return every accepted step as a row; no row where the first stage failed.
 
-        Columns are ``stage``, ``parameter`` and ``iterations``, then ``<node>.x|y|z`` in the unit of
-        length and ``T.<member>`` in the unit of force.
+        Columns are ``stage``, ``parameter`` and ``iterations``, then ``x|y|z_<node>`` in the unit of
+        length and ``T_<member>`` in the unit of force.
         """
         import pandas as pd
 
@@ -338,9 +358,9 @@ class EquilibriumPath(Presented):
         }
         nodes, tensions = history_arrays(self.structure, self.history)
         coordinates = nodes.reshape(len(nodes), 3 * self.structure.n_nodes)
-        names = [f"{node}.{axis}" for node in self.structure.nodes for axis in AXES]
+        names = [f"{axis}_{node}" for node in self.structure.nodes for axis in AXES]
         columns |= dict(zip(names, coordinates.T, strict=True))
-        columns |= dict(zip((f"T.{member}" for member in self.structure.members), tensions.T, strict=True))
+        columns |= dict(zip((f"T_{member}" for member in self.structure.members), tensions.T, strict=True))
         return pd.DataFrame(columns)
 
     def to_xarray(self) -> Any:  # noqa: ANN401 - an xarray.Dataset; xarray is an extra

@@ -4,12 +4,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from tensegra.mechanics.derivatives import Given
-from tensegra.mechanics.inputs import Actuation, actuation_inputs, stage_inputs
+from tensegra.mechanics.inputs import Actuation, inputs_under, stage_inputs
 from tensegra.mechanics.path import ACTUATION, Prepared, equilibrium_of, missing_start, prepare, softest_modes
 from tensegra.mechanics.results import Equilibrium, EquilibriumPath
 from tensegra.mechanics.settings import PathSettings
 from tensegra.mechanics.stages import Leg, follow_leg, reference_tensions
 from tensegra.structure import Structure
+
+IN_ONE_STEP = PathSettings(first_step=1.0)
+"""A move under one's hand is short: it is tried as a whole first."""
 
 
 class Session:
@@ -24,7 +27,7 @@ class Session:
     structure
         The structure; its stages are solved at once.
     settings
-        How paths are followed.
+        How paths are followed; moves are tried in one step where nothing else is said.
 
     Raises
     ------
@@ -41,7 +44,7 @@ class Session:
     """
 
     def __init__(self, structure: Structure, settings: PathSettings | None = None) -> None:
-        self._prepared: Prepared = prepare(structure, settings=settings)
+        self._prepared: Prepared = prepare(structure, settings=settings or IN_ONE_STEP)
         self._prepared.equilibria[-1].raise_for_status()
         self._modes = softest_modes(self._prepared)
         self.reset()
@@ -97,7 +100,7 @@ class Session:
             *({**dict(old), **dict(new)} for old, new in zip(self._run.groups(), given, strict=True))
         )
         prepared, arrays = self._prepared, self._prepared.arrays
-        _, inputs = actuation_inputs(prepared.structure, arrays, prepared.inputs, run)
+        inputs = inputs_under(prepared.structure, arrays, prepared.inputs, run)
         way = stage_inputs(arrays, self._inputs, inputs)
         leg = Leg(
             ACTUATION,

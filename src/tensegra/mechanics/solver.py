@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cached_property
-from threading import Timer
+from threading import Timer, local
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from tensegra.mechanics.arrays import FloatArray, IndexArray, StructureArrays
 from tensegra.mechanics.certify import Certificate, Directions, certify_runs
 from tensegra.mechanics.derivatives import Direction
 from tensegra.mechanics.follow import Control, Record, follow_runs
+from tensegra.mechanics.grip import Grip
 from tensegra.mechanics.inputs import StageInputs
 from tensegra.mechanics.pattern import Pattern, build_pattern
 from tensegra.mechanics.rigid import RigidMotions, held_for
@@ -33,6 +34,8 @@ from tensegra.mechanics.step import LENGTH_ROUNDING
 Kernel = Callable[[Lanes, int, int], None]
 """Works on a range of the runs with the lanes given."""
 
+_CALLED: set[Any] = set()  # kernels that have run before in this process
+
 _logger = logging.getLogger("tensegra")
 
 COMPILING_AFTER = 2.0
@@ -46,6 +49,18 @@ RECORDED_BYTES = 2**24
 
 FEWEST_RUNS_A_THREAD = 16
 """Runs below which another thread costs more than it brings: two packs."""
+
+
+NO_REFERENCE = np.zeros(1)
+"""Tension of a structure of which none is known: no run is held to have lost its own."""
+
+
+class _Kept(local):
+    """What a thread keeps of a solver from one call to the next."""
+
+    def __init__(self) -> None:
+        self.workspaces: dict[tuple[int, bool], Workspace] = {}
+        self.record: Record | None = None
 
 
 class Solver:
@@ -81,9 +96,9 @@ class Solver:
     ) -> None:
         self.turning = turning
         self.settings, self.threads, self.motions = settings, threads, motions
-        self._kept: tuple[tuple[int, bool], Workspace] | None = None
+        self._kept = _Kept()
         self.given = arrays
-        self.held_at = arrays.coordinates if nodes is None else nodes
+        self._held_at = arrays.coordinates if nodes is None else nodes
         self.arrays = arrays if motions is None or nodes is None else held_for(arrays, motions, nodes)
         self.pattern = build_pattern(self.arrays, np.any(arrays.free, axis=1)) if pattern is None else pattern
         given = None if motions is None else (motions.translation, motions.spin)
@@ -99,27 +114,52 @@ class Solver:
         )
 
     @cached_property
+    def grip(self) -> Grip:
+        """Watches the coordinates that are held for neutral motions."""
+        none = np.zeros((0, self.arrays.n_nodes, 3))
+        motions = RigidMotions((), none, none) if self.motions is None else self.motions
+        return Grip(motions, self.given.free & ~self.arrays.free, self._held_at)
+
+    def held_anew(self, nodes: FloatArray) -> "Solver":
+        """Return the same with other coordinates held, good where a run is, ``(n_nodes, 3)``."""
+        return Solver(self.given, self.settings, 1, self.motions, nodes, turning=self.turning)
+
+    @cached_property
     def nothing_recorded(self) -> Record:
         """A record without room."""
         return self.record(0)
 
     def record(self, capacity: int | None = None) -> Record:
-        """Return an empty record; of as many points as `RECORDED_BYTES` allow where nothing is said."""
+        """Return an empty record; of as many points as `RECORDED_BYTES` allow where nothing is said.
+
+        That one is the calling thread's own, to be emptied before the next run is recorded.
+        """
+        if capacity is None:
+            if self._kept.record is None:
+                n, m = self.topology.n_coordinates, self.topology.n_members
+                self._kept.record = self.record(max(8, min(512, RECORDED_BYTES // (8 * (n + m)))))
+            return self._kept.record
         n, m = self.topology.n_coordinates, self.topology.n_members
-        points = max(8, min(512, RECORDED_BYTES // (8 * (n + m)))) if capacity is None else capacity
-        events = 4 * points + 2 * m if points else 0
+        events = 4 * capacity + 2 * m if capacity else 0
         return Record(
-            parameter=np.zeros(points),
-            nodes=np.zeros((points, n)),
-            tensions=np.zeros((points, m)),
-            iterations=np.zeros(points, dtype=np.int64),
+            parameter=np.zeros(capacity),
+            nodes=np.zeros((capacity, n)),
+            tensions=np.zeros((capacity, m)),
+            iterations=np.zeros(capacity, dtype=np.int64),
             event_parameter=np.zeros(events),
             event_member=np.zeros(events, dtype=np.int64),
             event_taut=np.zeros(events, dtype=np.int64),
             counts=np.zeros(2, dtype=np.int64),
         )
 
-    def runs(self, stage: StageInputs, stiffness: FloatArray, start: FloatArray, n_runs: int) -> Runs:
+    def runs(
+        self,
+        stage: StageInputs,
+        stiffness: FloatArray,
+        start: FloatArray,
+        n_runs: int,
+        reference: FloatArray = NO_REFERENCE,
+    ) -> Runs:
         """Lay out the runs of a stage as the kernels take them.
 
         Parameters
@@ -132,25 +172,31 @@ class Solver:
             Positions at λ = 0, ``(n_runs | 1, n_nodes, 3)``.
         n_runs
             Number of runs.
+        reference
+            What counts as a tension of the structure, ``(n_runs | 1,)``.
         """
         n, m = self.topology.n_coordinates, self.topology.n_members
-        rest_length = np.broadcast_to(stage.rest_length, (n_runs, *stage.rest_length.shape[-2:]))
+        rest_length = np.empty((n_runs, *stage.rest_length.shape[-2:]))
+        rest_length[:] = stage.rest_length
         return Runs(
             start=_rows(start, n),
-            rest_length=np.array(rest_length, order="C"),
+            rest_length=rest_length,
             stiffness=_rows(stiffness, m),
             loads_start=_rows(stage.loads_start, n),
             loads_rate=_rows(stage.loads_end - stage.loads_start, n),
             support_rate=_rows(stage.positions_end - stage.positions_start, n),
+            reference=reference,
         )
 
     def outcome(self, nodes: FloatArray, n_runs: int, parameter: float | FloatArray = 0.0) -> Outcome:
         """Return runs that stand at given positions ``(n_runs | 1, n_nodes, 3)``; no more is known."""
         n, m = self.topology.n_coordinates, self.topology.n_members
+        placed = np.empty((n_runs, n))
+        placed[:] = nodes.reshape(-1, n)
         return Outcome(
             end=np.zeros(n_runs, dtype=np.int64),
-            parameter=np.array(np.broadcast_to(parameter, (n_runs,)), dtype=np.float64),
-            nodes=np.array(np.broadcast_to(nodes.reshape(-1, n), (n_runs, n)), order="C"),
+            parameter=np.full(n_runs, parameter, dtype=np.float64),
+            nodes=placed,
             tensions=np.full((n_runs, m), np.nan),
             velocity=np.zeros((n_runs, n)),
             residual=np.full(n_runs, np.nan),
@@ -289,15 +335,16 @@ class Solver:
 
     def _workspace(self, degree: int, *, single: bool) -> Workspace:
         """Return the calling thread's workspace, the same as the last time where it fits."""
-        if self._kept is None or self._kept[0] != (degree, single):
-            self._kept = (degree, single), Workspace(self.shared, degree, single=single)
-        return self._kept[1]
+        kept = self._kept.workspaces
+        if (degree, single) not in kept:
+            kept[degree, single] = Workspace(self.shared, degree, single=single)
+        return kept[degree, single]
 
 
 @contextmanager
 def _told_while_compiling(kernel: Any) -> Iterator[None]:  # noqa: ANN401 - a Dispatcher
     """Say so when the first call takes long: it compiles, once, unless the kernels are on disk."""
-    if kernel.signatures:
+    if kernel in _CALLED:
         yield
         return
     notice = Timer(COMPILING_AFTER, _logger.warning, ["compiling the kernels, once for this machine"])
@@ -305,6 +352,7 @@ def _told_while_compiling(kernel: Any) -> Iterator[None]:  # noqa: ANN401 - a Di
     notice.start()
     try:
         yield
+        _CALLED.add(kernel)
     finally:
         notice.cancel()
 

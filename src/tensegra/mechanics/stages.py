@@ -6,6 +6,8 @@ coordinates for these, and the supervisor takes the runs through.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +34,9 @@ SAME_END = 1e-6
 
 _KEPT = "_flat_for_mechanics"  # where a structure keeps its `_Flat`, beside its cached properties
 
+MOST_GROUNDS = 4
+"""Settings with which a structure was solved whose solvers are kept."""
+
 UNLOADED_AT = 1.0 - 1e-6
 """λ from which on a motion that loads turn is held at the end of a stage that takes these loads away."""
 
@@ -54,6 +59,8 @@ class Ground:
         The structure as it is given, where `arrays` vary it run by run.
     threads
         Threads to share many runs.
+    kept
+        What later floors have found of the structure with these settings, by a key of their own.
     """
 
     arrays: StructureArrays
@@ -62,20 +69,25 @@ class Ground:
     pattern: Pattern
     plain_arrays: StructureArrays
     threads: int = 1
+    kept: dict[object, Any] = field(default_factory=dict)
     _solvers: dict[bytes, Solver] = field(default_factory=dict)
 
     def solver(self, freedom: Freedom, nodes: FloatArray) -> Solver:
-        """Return a solver that holds coordinates for the neutral motions, chosen at some positions."""
+        """Return a solver that holds coordinates for the neutral motions, good at some positions.
+
+        Coordinates that are good where the structure is drawn serve as long as they can: what is found does
+        not depend on what was solved before.
+        """
+        if freedom.key not in self._solvers:
+            self._solvers[freedom.key] = self._solver(freedom, self.plain_arrays.coordinates)
+        drawn = self._solvers[freedom.key]
+        return self._solver(freedom, nodes) if drawn.grip.is_worn(nodes[None])[0] else drawn
+
+    def _solver(self, freedom: Freedom, nodes: FloatArray) -> Solver:
         if not len(freedom.neutral):
-            if b"" not in self._solvers:
-                self._solvers[b""] = Solver(
-                    self.plain_arrays,
-                    self.settings,
-                    self.threads,
-                    pattern=self.pattern,
-                    turning=self.motions,
-                )
-            return self._solvers[b""]
+            return Solver(
+                self.plain_arrays, self.settings, self.threads, pattern=self.pattern, turning=self.motions
+            )
         return Solver(
             self.plain_arrays, self.settings, self.threads, freedom.neutral, nodes, turning=self.motions
         )
@@ -96,6 +108,7 @@ class _Flat:
     arrays: StructureArrays
     motions: RigidMotions
     pattern: Pattern
+    grounds: dict[PathSettings, Ground]
 
 
 def ground_of(structure: Structure, settings: PathSettings, threads: int = 1) -> Ground:
@@ -107,9 +120,14 @@ def ground_of(structure: Structure, settings: PathSettings, threads: int = 1) ->
     kept = vars(structure)
     if _KEPT not in kept:
         arrays = structure_arrays(structure)
-        kept[_KEPT] = _Flat(arrays, rigid_motions(arrays), build_pattern(arrays))
+        kept[_KEPT] = _Flat(arrays, rigid_motions(arrays), build_pattern(arrays), {})
     flat: _Flat = kept[_KEPT]
-    return Ground(flat.arrays, settings, flat.motions, flat.pattern, flat.arrays, threads)
+    if settings not in flat.grounds:
+        while len(flat.grounds) >= MOST_GROUNDS:
+            flat.grounds.pop(next(iter(flat.grounds)))
+        flat.grounds[settings] = Ground(flat.arrays, settings, flat.motions, flat.pattern, flat.arrays)
+    ground = flat.grounds[settings]
+    return ground if threads == 1 else ground.on_threads(threads)
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,5 +297,6 @@ def reference_tensions(tensions: Sequence[FloatArray], stiffness: FloatArray) ->
     It is never nothing: a share of the stiffness stands for it.
     """
     least = FLAT_TENSION * stiffness.max(axis=-1, initial=1.0)
-    largest = [np.abs(np.nan_to_num(one)).max(axis=-1, initial=0.0) for one in tensions]
-    return np.atleast_1d(np.maximum.reduce(np.broadcast_arrays(*largest, least)))
+    # A run that failed has no tensions: NaN is passed over.
+    largest = [np.fmax.reduce(np.abs(one), axis=-1, initial=0.0) for one in tensions]
+    return np.atleast_1d(reduce(np.maximum, largest, least))

@@ -85,6 +85,8 @@ class Runs(NamedTuple):
         Nodal forces at λ = 0 and their change, ``(n_runs | 1, 3 n_nodes)``.
     support_rate
         Change of the held coordinates, ``(n_runs | 1, 3 n_nodes)``.
+    reference
+        What counts as a tension of the structure, ``(n_runs | 1,)``.
     """
 
     start: FloatArray
@@ -93,6 +95,7 @@ class Runs(NamedTuple):
     loads_start: FloatArray
     loads_rate: FloatArray
     support_rate: FloatArray
+    reference: FloatArray
 
     def take(self, runs: IndexArray) -> "Runs":
         """Return some of the runs."""

@@ -19,7 +19,6 @@ from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray
 from tensegra.mechanics.bridge import leads_back
 from tensegra.mechanics.falls import Falls
 from tensegra.mechanics.gauge import Gauge
-from tensegra.mechanics.grip import Grip
 from tensegra.mechanics.inputs import StageInputs
 from tensegra.mechanics.rigid import align
 from tensegra.mechanics.solver import Solver
@@ -31,6 +30,9 @@ _UNDER_WAY = 0  # `Outcome.end` of a run that nothing has stopped yet
 
 NO_LEAP = 1e-8
 """A fall that moves no node by this share of the size beside what the branch moves is none: it goes on."""
+
+FARTHEST_BEND = 0.05
+"""Share of the size that no branch moves by within the increment of a fall: beyond it is a leap."""
 
 STILL_STIFF = 0.02
 """Share of the first lowest eigenvalue that a smooth loss of stability is far below when located."""
@@ -105,14 +107,13 @@ class Supervisor:
     def __init__(self, solver: Solver, task: Task) -> None:
         self.solver, self.task, self.n_runs = solver, task, task.n_runs
         self.arrays, self.settings = solver.arrays, solver.settings
-        self.reference = np.array(np.broadcast_to(task.reference, (task.n_runs,)))
-        self.runs: Runs = solver.runs(task.stage, task.stiffness, task.start, task.n_runs)
+        self.reference = np.full(task.n_runs, task.reference)
+        self.runs: Runs = solver.runs(task.stage, task.stiffness, task.start, task.n_runs, self.reference)
         self.outcome: Outcome = solver.outcome(task.start, task.n_runs)
         self.gauge = Gauge(solver, task.stage, task.stiffness)
         self.account = Account(task.name, self.gauge, task.n_runs, recorded=task.recorded)
-        self.grip = Grip(self.gauge, self.runs)
         self.handed_on: dict[int, Supervisor] = {}
-        self._falls = Falls(self.gauge, self.runs, self.reference, self.grip)
+        self._falls = Falls(self.gauge, self.runs, self.reference)
 
     # -- the way ---------------------------------------------------------------------------------
 
@@ -131,13 +132,8 @@ class Supervisor:
             for run in map(int, active[end == follow.OUT_OF_STEPS]):
                 self._fail(run, f"{self.outcome.steps[run]} steps end at {self._percent(run)} of the stage")
             # What was held for a body that has turned too far says nothing of it: others go on from there.
-            worn = self.grip.is_worn(part.nodes) & (end != follow.OUT_OF_STEPS)
-            ended = active[
-                ~worn
-                & np.isin(
-                    end, (follow.BRANCH_ENDS, follow.EVENT_ENDS, follow.NO_START, follow.UNSTABLE_START)
-                )
-            ]
+            worn = self.solver.grip.is_worn(part.nodes) & (end != follow.OUT_OF_STEPS)
+            ended = active[~worn & (end >= follow.BRANCH_ENDS) & (end <= follow.UNSTABLE_START)]
             resumed = active[worn | (end == follow.PAUSED)]
             if rounds > MOST_EVENTS:
                 for run in map(int, np.concatenate([ended, resumed])):
@@ -147,8 +143,10 @@ class Supervisor:
 
     def _hand_on(self, active: IndexArray) -> IndexArray:
         """Let others take the runs on for which other coordinates have to be held; return the rest."""
-        goes = self.is_handed | False
-        goes[active] |= self.grip.is_worn(self.outcome.nodes[active])
+        if not len(self.gauge.motions) and not self._falls.handed:
+            return active
+        goes = self.is_handed
+        goes[active] |= self.solver.grip.is_worn(self.outcome.nodes[active])
         for run in map(int, active[goes[active]]):
             other = self.hand_on(run)
             other.outcome.end[:] = _UNDER_WAY
@@ -171,7 +169,7 @@ class Supervisor:
 
     def hand_on(self, run: int) -> "Supervisor":
         """Return who takes a run on from where it stands, with coordinates held that are chosen there."""
-        new = self._falls.handed.get(run) or self.grip.anew(run, self.outcome.nodes[run])
+        new = self._falls.handed.get(run) or self._falls.hand_on(run, self.outcome.nodes[run])
         task = Task(
             self.task.name,
             new.stage,
@@ -350,7 +348,10 @@ class Supervisor:
             along = 0.0 if starts else ahead * self.outcome.velocity[run].reshape(-1, 3)
             snap = float(np.linalg.norm(after - start - along, axis=1).max(initial=0.0))
             leaps = snap > NO_LEAP * self.arrays.size
-            if leaps and not starts and not self._has_leapt(run, start, after, float(fallen.parameter[row])):
+            # It makes no word which of the leaps too short for a snap are none: only a list is the shorter.
+            asked = leaps and not starts
+            asked &= snap > SNAP * self.arrays.size or self.account.record is not None
+            if asked and not self._has_leapt(run, start, after, float(fallen.parameter[row])):
                 leaps, snap = False, 0.0
             if leaps or kind == "bifurcation":
                 self.account.note_critical(run, kind, self.outcome, after, snap)
@@ -372,8 +373,12 @@ class Supervisor:
 
     def _has_leapt(self, run: int, before: FloatArray, after: FloatArray, parameter: float) -> bool:
         """Whether no branch leads back from where a run has landed, under the inputs at λ."""
+        if np.abs(after - before).max() > FARTHEST_BEND * self.arrays.size:
+            return True
         stage, stiffness = self.task.stage.of_run(run), self.gauge.stiffness_of(run)
-        tangent = Tangent(self.solver.given, motions=self.gauge.motions, nodes=after)
+        tangent = self.gauge.tangent
+        if len(self.gauge.motions):
+            tangent = Tangent(self.solver.given, motions=self.gauge.motions, nodes=after)
         branch = Branch(tangent, stage, stiffness, self.settings.residual)
         left = before, float(self.outcome.parameter[run])
         return not leads_back(branch, self.gauge.motions, (after, parameter), left)

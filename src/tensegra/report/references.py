@@ -1,14 +1,19 @@
 """What a user types on the command line, made into structures, inputs and kinds of file."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import isfinite
 from pathlib import Path
 
 from tensegra.errors import ModelError
-from tensegra.structure import Structure, library, read_structure
+from tensegra.exchange import read_structure
+from tensegra.structure import Structure, library
+from tensegra.units import QuantityError
 
-__all__ = ["LIBRARY", "is_study_file", "parse_settings", "structure_from"]
+__all__ = ["LIBRARY", "is_study_file", "parse_settings", "parse_temperatures", "structure_from"]
+
+HOTTEST = "10000 K"
+"""A difference of temperature beyond which nothing is solid, and a number a slip."""
 
 LIBRARY = "library:"
 """Beginning of a reference to a built-in structure."""
@@ -59,8 +64,33 @@ def is_study_file(reference: str) -> bool:
     return _STUDY.search(text) is not None
 
 
-def parse_settings(settings: Sequence[str], option: str) -> dict[str, float]:
-    """Return the values of ``name=value`` settings.
+def parse_temperatures(settings: Sequence[str], structure: Structure) -> dict[str, float]:
+    """Return differences of temperature in the structure's unit, from ``top=50`` or ``top=90 degF``.
+
+    Raises
+    ------
+    ModelError
+        As `parse_settings`; or for a difference that no solid outlasts.
+
+    Examples
+    --------
+    >>> parse_temperatures(["top=90 degF"], library.paper_beam())
+    {'top': 50.0}
+    """
+    units = structure.units
+    values = parse_settings(settings, "-t", lambda text: units.number(text.strip(), "temperature"))
+    limit = units.number(HOTTEST, "temperature")
+    for name, value in values.items():
+        if abs(value) > limit:
+            expected = f"a difference of at most {limit:g} {units.temperature}, beyond which nothing is solid"
+            raise ModelError.at(f"-t: {name}", value, expected)
+    return values
+
+
+def parse_settings(
+    settings: Sequence[str], option: str, read: Callable[[str], float] = float
+) -> dict[str, float]:
+    """Return the values of ``name=value`` settings, each as `read` reads it.
 
     Raises
     ------
@@ -77,8 +107,8 @@ def parse_settings(settings: Sequence[str], option: str) -> dict[str, float]:
         name, equals, text = setting.partition("=")
         name = name.strip()
         try:
-            value = float(text)
-        except ValueError:
+            value = read(text)
+        except (ValueError, QuantityError):
             value = float("nan")
         if not equals or not name or not isfinite(value):
             raise ModelError.at(option, setting, "a name and a finite number, such as 'A14=0.10'")

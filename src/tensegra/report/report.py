@@ -74,12 +74,22 @@ class Report:
         return render("report.html.j2", report=self)
 
 
-def render(template: str, **content: object) -> str:
-    """Return a page of one of the templates beside this file."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+def render(template: str, *, package: str = "tensegra.report", **content: object) -> str:
+    """Return a page of a template.
+
+    Parameters
+    ----------
+    template
+        Its file.
+    package
+        Where the file is. It can include ``parts.html.j2`` and ``style.css``, which are here.
+    **content
+        What the template shows.
+    """
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
-        loader=PackageLoader("tensegra.report", "."),
+        loader=ChoiceLoader([PackageLoader(where, ".") for where in (package, "tensegra.report")]),
         # Not by the name's suffix: what is not HTML is included in HTML.
         autoescape=True,
         undefined=StrictUndefined,

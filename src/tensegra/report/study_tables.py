@@ -120,7 +120,7 @@ def outcome_table(state: CampaignState) -> Table:
 
 
 def reason_table(state: CampaignState) -> Table:
-    """Count the reasons of the runs that are not stable."""
+    """Count the reasons of the runs that are not stable, or strained beyond their law."""
     kinds = reasons_by_kind(state)
     note = f"and {len(kinds) - MOST_REASONS} rarer ones" if len(kinds) > MOST_REASONS else ""
     rows = [(count, reason) for reason, count in list(kinds.items())[:MOST_REASONS]]
@@ -177,7 +177,7 @@ def validation_table(results: "Results") -> Table:
                     f"{number(100 * row['relative_error'], 2)} %",
                     _near_one(row["r2"]),
                     _near_one(row["r2_paper"]),
-                    number(row["max_abs_error"], 2),
+                    *(number(row[name], 2) for name in ("mean_abs_error", "rms_error", "max_abs_error")),
                     "" if coverage is None else f"{100 * coverage:.0f} %",
                     surrogate.n_train,
                     f"{surrogate.seconds:.1f}",
@@ -189,6 +189,8 @@ def validation_table(results: "Results") -> Table:
         "Error\n(Eq. 7)",
         "1 − R²",
         "1 − R²\n(Eq. 8)",
+        "Mean\nerror",
+        "Rms\nerror",
         "Largest\nerror",
         "In 90 %\ninterval",
     )
@@ -201,13 +203,14 @@ def validation_table(results: "Results") -> Table:
         }
         held = {validation.method for validation in measured.values()}
         note = f"Measured on runs that the surrogates have not seen ({', '.join(sorted(held))}); "
-        note += "Eq. 7 is the mean relative error, Eq. 8 the paper's R²"
+        note += "Eq. 7 is the mean relative error, Eq. 8 the paper's R²; mean, root mean square and largest "
+        note += "error are in the output's unit"
         note += "".join(
             f"; {name} predicts the outcome of {100 * validation.outcome_right:.2f} % of the runs right"
             for name, validation in measured.items()
             if validation.outcome_right is not None
         )
-    return Table.of("Errors of the surrogates", (*header, "Runs", "Time\n[s]"), rows, "ssrrrrrrr", note)
+    return Table.of("Errors of the surrogates", (*header, "Runs", "Time\n[s]"), rows, "ssrrrrrrrrr", note)
 
 
 def agreement_table(selection: Selection) -> Table:

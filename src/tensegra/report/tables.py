@@ -193,6 +193,7 @@ def stage_table(path: EquilibriumPath) -> Table:
         "Iterations",
         "Residual",
         f"Lowest eigen-\nvalue [{units.of('force per length')}]",
+        "Largest\nstrain [%]",
         "Slack",
     )
     equilibria = [*path.stages, *([] if path.actuation is None else [path.actuation])]
@@ -204,11 +205,12 @@ def stage_table(path: EquilibriumPath) -> Table:
             equilibrium.iterations,
             number(equilibrium.residual, 2),
             number(equilibrium.lowest_eigenvalue, 5),
+            number(100.0 * equilibrium.largest_strain, 3),
             len(equilibrium.slack_members),
         )
         for equilibrium in equilibria
     ]
-    return Table.of("Equilibria", header, rows, "lsrrrrr")
+    return Table.of("Equilibria", header, rows, "lsrrrrrr")
 
 
 def event_table(path: EquilibriumPath) -> Table:
@@ -296,7 +298,8 @@ def history_frame(path: EquilibriumPath) -> "pd.DataFrame":
     """Return every accepted step of a history as a row; no row where the first stage failed.
 
     Columns: ``stage``, ``parameter``, ``iterations``, then ``x_<node>``, ``y_<node>``, ``z_<node>`` and
-    ``tension_<member>``. The units stand in the frame's `attrs`, which Parquet keeps.
+    ``T_<member>``, as a field surrogate calls its outputs. The units stand in the frame's `attrs`, which
+    Parquet keeps.
     """
     import pandas as pd
 
@@ -310,7 +313,7 @@ def history_frame(path: EquilibriumPath) -> "pd.DataFrame":
     numbers: dict[str, np.ndarray] = {}
     for n, node in enumerate(structure.node_ids):
         numbers |= {f"{axis}_{node}": nodes[:, n, i] for i, axis in enumerate("xyz")}
-    numbers |= {f"tension_{member}": tensions[:, e] for e, member in enumerate(structure.member_ids)}
+    numbers |= {f"T_{member}": tensions[:, e] for e, member in enumerate(structure.member_ids)}
     frame = pd.DataFrame(steps | numbers)
     frame.attrs = {
         "structure": structure.name,

@@ -62,6 +62,8 @@ def _materials(structure: "Structure") -> Iterator[Problem]:
         yield from _number((*place, "youngs_modulus"), material.youngs_modulus, above=0.0)
         yield from _number((*place, "weight"), material.weight, least=0.0)
         yield from _number((*place, "thermal_expansion"), material.thermal_expansion)
+        if material.strain_limit is not None:
+            yield from _number((*place, "strain_limit"), material.strain_limit, above=0.0)
 
 
 def _member(structure: "Structure", place: Place, member: "Member") -> Iterator[Problem]:

@@ -8,7 +8,10 @@ from typing import Any, Literal
 from tensegra.structure.coerce import Vector, by_id, name_of, names, number, store, vector
 from tensegra.structure.frozen import FrozenMapping
 
-__all__ = ["AS_DRAWN", "Actuator", "Effect", "Kind", "Material", "Member", "Stage"]
+__all__ = ["AS_DRAWN", "STRAIN_LIMIT", "Actuator", "Effect", "Kind", "Material", "Member", "Stage"]
+
+STRAIN_LIMIT = 0.05
+"""Limit of a material that names none: far beyond the yield of metals, within that of many fibres."""
 
 Kind = Literal["strut", "cable"]
 Effect = Literal["shorten", "lengthen"]
@@ -30,11 +33,15 @@ class Material:
         Force per volume.
     thermal_expansion
         Strain per degree of temperature difference.
+    strain_limit
+        Largest strain, in tension or compression, up to which the linear law is trusted, such as that at
+        yield; `STRAIN_LIMIT` where left out.
     """
 
     youngs_modulus: float
     weight: float = 0.0
     thermal_expansion: float = 0.0
+    strain_limit: float | None = None
 
     def __post_init__(self) -> None:
         store(self, **{field.name: number(getattr(self, field.name)) for field in fields(self)})

@@ -18,10 +18,11 @@ import numpy as np
 
 from tensegra.errors import ModelError
 from tensegra.presented import Presented
+from tensegra.savable import Savable
 from tensegra.structure.checks import find_problems, is_vector
 from tensegra.structure.coerce import Vector, by_id, name_of, sorted_axes, store, vector
 from tensegra.structure.frozen import FrozenMapping
-from tensegra.structure.parts import AS_DRAWN, Actuator, Material, Member, Stage
+from tensegra.structure.parts import AS_DRAWN, STRAIN_LIMIT, Actuator, Material, Member, Stage
 from tensegra.structure.problems import InvalidStructureError
 from tensegra.units import Units
 
@@ -35,7 +36,7 @@ _SI = Units()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Structure(Presented):
+class Structure(Presented, Savable):
     """A tensegrity structure with its supports, actuators and loading history.
 
     Ids are texts; integers are accepted and become texts. All numbers are in `units`. Structures are
@@ -187,6 +188,12 @@ class Structure(Presented):
         if member.material is None or member.area is None:
             return 0.0
         return self.materials[member.material].weight * member.area
+
+    def strain_limit(self, member_id: str | int) -> float:
+        """Return the strain up to which a member's linear law is trusted."""
+        material = self.members[str(member_id)].material
+        limit = None if material is None else self.materials[material].strain_limit
+        return STRAIN_LIMIT if limit is None else limit
 
     def thermal_expansion(self, member_id: str | int) -> float:
         """Return the strain of a member per degree; 0 without a material."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from tensegra.errors import StudyError
 from tensegra.presented import Presented
+from tensegra.savable import Savable
 from tensegra.study.data import TrainingData
 from tensegra.study.derivatives import derivative_name
 from tensegra.study.lock import Driver, driver_of
@@ -39,7 +40,8 @@ class CampaignState:
     statuses
         How many rows have each status, the most frequent first.
     reasons
-        How many rows that are not stable give each reason, the most frequent first.
+        How many rows that are not stable, or strained beyond their law, give each reason, the most
+        frequent first.
     seconds_per_run
         Mean solver time of a run, NaN if there is none yet.
     driver, host
@@ -74,7 +76,7 @@ class CampaignState:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Campaign(Presented):
+class Campaign(Presented, Savable):
     """The runs of a study that are in a folder, be it finished or not.
 
     Attributes
@@ -206,12 +208,12 @@ class Campaign(Presented):
         frame = self.frame(["status", "reason", "seconds"])
         driver = driver_of(self.folder)
         rate = np.nan if driver is None else _rate(driver)
-        not_stable = frame["reason"][frame["status"] != "stable"]
+        said = frame["reason"][(frame["status"] != "stable") | (frame["reason"] != "")]
         return CampaignState(
             n_points=self.study.n_points,
             n_done=len(frame),
             statuses=dict(Counter(frame["status"]).most_common()),
-            reasons=dict(Counter(not_stable).most_common()),
+            reasons=dict(Counter(said).most_common()),
             seconds_per_run=float(frame["seconds"].mean()) if len(frame) else np.nan,
             driver=None if driver is None else int(driver["pid"]),
             host=None if driver is None else str(driver.get("host", "?")),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegra.structure import Structure
 from tensegra.study.outputs import Output
 from tensegra.study.variables import Coordinate, Prestress, Variable
 
@@ -21,7 +22,7 @@ Array: TypeAlias = NDArray[np.float64]
 DIFFERENTIABLE = ("displacement", "coordinate", "distance", "tension", "reaction")
 """Quantities whose outputs have derivatives; the others have kinks, or jump."""
 
-BEFORE_STAGES = ("youngs_modulus", "area", "rest_length", "prestress")
+BEFORE_STAGES = ("youngs_modulus", "area", "rest_length", "rest_length_error", "prestress")
 """Quantities that move the equilibrium from which displacements are measured, too."""
 
 
@@ -91,7 +92,9 @@ def output_derivatives(
     starts = None
     if before and measured:
         early = [variable for variable in variables if variable.quantity in BEFORE_STAGES]
-        starts = solve(runs.structure, **before, derivatives=parameters_along(early, arguments))
+        starts = solve(
+            runs.structure, **before, derivatives=parameters_along(runs.structure, early, arguments)
+        )
     values = np.full((len(X), len(outputs), len(variables)), np.nan)
     loaded = any(output.quantity == "reaction" for output in outputs)
     for j, (variable, column) in enumerate(zip(variables, X.T, strict=True)):
@@ -104,7 +107,7 @@ def output_derivatives(
 
 
 def parameters_along(
-    variables: Sequence[Variable], arguments: Mapping[str, Mapping[Any, Array]]
+    structure: Structure, variables: Sequence[Variable], arguments: Mapping[str, Mapping[Any, Array]]
 ) -> "list[tuple[ParameterKind, object]]":
     """Return what `solve_batch` can differentiate by while it solves, of all that variables set.
 
@@ -116,7 +119,7 @@ def parameters_along(
     wanted = {
         (kind, name): None
         for variable in variables
-        for kind, name, _ in _parameters(variable, arguments.get("rest_length", {}))
+        for kind, name, _ in _parameters(structure, variable, arguments.get("rest_length", {}))
         if kind in LOCKSTEP_KINDS
     }
     return list(wanted)
@@ -134,7 +137,7 @@ def _rates(
     """Return the rates with one variable: those with the parameters it sets, weighted by the chain rule."""
     nodes, start, loads = (np.zeros_like(runs.nodes) for _ in range(3))
     total = Rates(nodes, start, np.zeros_like(runs.tensions), loads)
-    for kind, name, weight in _parameters(variable, arguments.get("rest_length", {})):
+    for kind, name, weight in _parameters(runs.structure, variable, arguments.get("rest_length", {})):
         by = runs.derivative(name, kind)
         weighted = np.broadcast_to(weight(column), runs.n_runs)
         total.nodes[...] += weighted[:, None, None] * by.nodes
@@ -154,16 +157,19 @@ def _load_rates(runs: "Batch", kind: "ParameterKind", name: object) -> Array:
 
 
 def _parameters(
-    variable: Variable, rest_length: Mapping[Any, Array]
+    structure: Structure, variable: Variable, rest_length: Mapping[Any, Array]
 ) -> "list[tuple[ParameterKind, object, Callable[[Array], Array | float]]]":
     """Return the solver's parameters that a variable sets: kind, name, and their rate with its values.
 
-    With a prestress c a rest length starts at l = l₀ (1 + c)/(1 + c₀), so ∂l/∂c = l/(1 + c) and
-    ∂l/∂l₀ = l/l₀.
+    With a prestress c and an error e a rest length starts at l = l₀ (1 + e) (1 + c)/(1 + c₀), so
+    ∂l/∂c = l/(1 + c), ∂l/∂e = l/(1 + e) and ∂l/∂l₀ = l/l₀.
     """
     target = variable.target
     if isinstance(target, Prestress):
         return [("rest_length", member, _per(rest_length[member], 1.0)) for member in target.members]
+    if variable.quantity == "rest_length_error":
+        members = structure.members_named(str(target))
+        return [("rest_length", member, _per(rest_length[member], 1.0)) for member in members]
     if variable.quantity == "rest_length":
         return [("rest_length", target, _per(rest_length[target], 0.0))]
     name = (target.node, target.axis) if isinstance(target, Coordinate) else target

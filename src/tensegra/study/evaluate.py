@@ -115,7 +115,7 @@ def evaluate(
         raise StudyError.at(place, float(X[row, column]), "a finite number")
     solve = solver or SolverEntry().solver()
     arguments = batch_inputs(structure, variables, X)
-    along = {"derivatives": parameters_along(variables, arguments)} if derivatives else {}
+    along = {"derivatives": parameters_along(structure, variables, arguments)} if derivatives else {}
     runs = solve(structure, **arguments, **along)
     status = np.asarray(runs.status, dtype=np.str_)
     failed = status == "failed"
@@ -123,7 +123,7 @@ def evaluate(
         X=X,
         Y=np.stack([np.where(failed, np.nan, output.of(runs)) for output in outputs], axis=1),
         status=status,
-        reason=np.asarray(runs.reason, dtype=np.str_),
+        reason=np.where(runs.beyond_law, _beyond(runs.reason), np.asarray(runs.reason, dtype=np.str_)),
         residual=np.where(failed, np.nan, runs.residual),
         lowest_eigenvalue=np.where(failed, np.nan, runs.lowest_eigenvalue),
         steps=np.asarray(runs.steps, dtype=np.int32),
@@ -133,6 +133,14 @@ def evaluate(
     )
 
 
+BEYOND_LAW = "strained beyond what the linear law holds for"
+
+
+def _beyond(reasons: NDArray[Any]) -> NDArray[np.str_]:
+    """Return the reasons with what is said of runs beyond the law, in front, where reasons are counted."""
+    return np.array([f"{BEYOND_LAW}; {reason}" if reason else BEYOND_LAW for reason in reasons], np.str_)
+
+
 def batch_inputs(
     structure: Structure, variables: Sequence[Variable], X: Array
 ) -> dict[str, dict[Any, Array]]:
@@ -140,7 +148,7 @@ def batch_inputs(
 
     A prestress is set through the rest lengths from which the history starts: where a stage changes a
     member by c₀, the value c has the same effect after it as a rest length of l₀ (1 + c)/(1 + c₀)
-    before it.
+    before it. A relative error multiplies the rest length by 1 + e there, too.
 
     Examples
     --------
@@ -151,30 +159,24 @@ def batch_inputs(
     {'actuation': {'A14': array([0.05, 0.1 ])}}
     """
     arguments: dict[str, dict[Any, Array]] = {}
-    prestress: list[tuple[Prestress, Array]] = []
+    factors: list[tuple[str, Array]] = []
+    changes: Mapping[str, Mapping[str, float]] = {
+        stage.name: stage.rest_length_changes for stage in structure.stages
+    }
     for variable, column in zip(variables, X.T, strict=True):
         values = np.ascontiguousarray(column)
         target = variable.target
         if isinstance(target, Prestress):
-            prestress.append((target, values))
+            own = changes[target.stage]
+            factors += [(member, (1.0 + values) / (1.0 + own[member])) for member in target.members]
+            continue
+        if variable.quantity == "rest_length_error":
+            factors += [(member, 1.0 + values) for member in structure.members_named(str(target))]
             continue
         key = (target.node, target.axis) if isinstance(target, Coordinate) else target
         arguments.setdefault(_ARGUMENTS.get(variable.quantity, variable.quantity), {})[key] = values
-    if prestress:
-        _apply_prestress(structure, prestress, arguments.setdefault("rest_length", {}), len(X))
+    if factors:
+        lengths = arguments.setdefault("rest_length", {})
+        for member, factor in factors:
+            lengths[member] = factor * lengths.get(member, structure.members[member].rest_length)
     return arguments
-
-
-def _apply_prestress(
-    structure: Structure,
-    prestress: Sequence[tuple[Prestress, Array]],
-    rest_length: dict[Any, Array],
-    n_points: int,
-) -> None:
-    changes: Mapping[str, Mapping[str, float]] = {
-        stage.name: stage.rest_length_changes for stage in structure.stages
-    }
-    for target, values in prestress:
-        for member in target.members:
-            before = rest_length.get(member, np.full(n_points, structure.members[member].rest_length))
-            rest_length[member] = before * (1.0 + values) / (1.0 + changes[target.stage][member])

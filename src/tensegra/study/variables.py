@@ -1,15 +1,15 @@
 """The variables of a study: what each acts on, its law, and whether the structure can take it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 from tensegra.errors import StudyError
-from tensegra.structure import Structure
+from tensegra.structure import Stage, Structure
 from tensegra.structure.checks import LONGEST_FACTOR
 from tensegra.structure.overlaps import find_overlaps, member_parts
 from tensegra.study.distributions import Distribution, as_distribution
-from tensegra.study.entry import Entry, Identifier, OneOf
+from tensegra.study.entry import Entry, Examples, Identifier, OneOf
 from tensegra.study.law_entries import DistributionEntry
 from tensegra.units import LARGEST, SMALLEST, Dimension, is_sane
 
@@ -31,8 +31,12 @@ Axis = Literal["x", "y", "z"]
 class Coordinate(Entry):
     """One coordinate of a node."""
 
+    examples: ClassVar[Examples] = ({"node": 9, "axis": "z"},)
+
     node: Identifier
+    """Id of the node."""
     axis: Axis
+    """Axis of the coordinate."""
 
     def __str__(self) -> str:
         return f"{self.node}.{self.axis}"
@@ -41,8 +45,12 @@ class Coordinate(Entry):
 class Prestress(Entry):
     """The change of rest length that a stage gives to members, one value for all of them."""
 
+    examples: ClassVar[Examples] = ({"stage": "prestress", "members": ["K1", "K2"]},)
+
     stage: Identifier
+    """Name of the stage."""
     members: tuple[Identifier, ...]
+    """Ids of the members that the stage gives this change of rest length."""
 
     def __str__(self) -> str:
         return f"{self.stage}: {', '.join(self.members)}"
@@ -56,6 +64,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "youngs_modulus": "stress",
     "area": "area",
     "rest_length": "length",
+    "rest_length_error": "ratio",
     "load": "force",
     "position": "length",
     "prestress": "ratio",
@@ -64,34 +73,44 @@ DIMENSIONS: dict[str, Dimension] = {
 
 
 class VariableEntry(OneOf):
-    """A variable as a study file writes it: what it acts on, and its distribution.
+    """A variable as a study file writes it: what it acts on, and its distribution."""
 
-    ``actuator``
-        The actuator's value.
-    ``temperature``
-        Difference of temperature of a member or a group, added to that of the stages; those of a
-        group and of its member add up.
-    ``youngs_modulus``, ``area``, ``rest_length``
-        The value itself, of a material, of a member or group, of a member, before all stages; it
-        takes the place of what the structure and the study's `changes` say.
-    ``load``
-        Force on a node along an axis, added to the last stage's.
-    ``position``
-        Shift of a support along an axis.
-    ``prestress``
-        The value, in a stage's `rest_length_changes`, of the members named.
-    """
+    examples: ClassVar[Examples] = (
+        {"actuator": "A14", "distribution": {"uniform": [0.09, 0.1]}, "label": "actuation of the top cables"},
+        {"temperature": "top", "distribution": {"uniform": [0, 150]}},
+        {"youngs_modulus": "steel", "distribution": {"normal": {"mean": 11500, "std": 200}}},
+        {"area": "top", "distribution": {"normal": [0.5, 0.01]}},
+        {"rest_length": "K1", "distribution": {"uniform": [295, 300]}},
+        {"rest_length_error": "top", "distribution": {"normal": [0, 0.001]}},
+        {"load": {"node": 9, "axis": "z"}, "distribution": {"uniform": [-1, 0]}},
+        {"position": {"node": 1, "axis": "z"}, "distribution": {"normal": [0, 0.1]}},
+        {"prestress": {"stage": "prestress", "members": ["K1"]}, "distribution": {"uniform": [-0.03, -0.02]}},
+    )
 
     actuator: Identifier | None = None
+    """Actuator whose value this is, a relative change of rest length. Unit of its law: 1."""
     temperature: Identifier | None = None
+    """Member or group whose difference of temperature this is, added to that of the stages. Unit of its law:
+    temperature."""
     youngs_modulus: Identifier | None = None
+    """Material whose modulus this is. Unit of its law: force/length^2."""
     area: Identifier | None = None
+    """Member or group whose cross-section this is. Unit of its law: length^2."""
     rest_length: Identifier | None = None
+    """Member whose rest length before all stages this is. Unit of its law: length."""
+    rest_length_error: Identifier | None = None
+    """Member or group of which this is the relative error of the rest lengths before all stages, as they were
+    cut: 0.001 is a thousandth too long. Unit of its law: 1."""
     load: Coordinate | None = None
+    """Node and axis of a force that is added to the last stage's. Unit of its law: force."""
     position: Coordinate | None = None
+    """Node and axis of a support that is shifted by this. Unit of its law: length."""
     prestress: Prestress | None = None
+    """Stage and members whose entry in `rest_length_changes` this is. Unit of its law: 1."""
     distribution: DistributionEntry
+    """Law of the variable, which for a question about the best value is the range to look in."""
     label: str = ""
+    """Text for axes and tables; the name if left out."""
 
     @classmethod
     def _alternatives(cls) -> list[str]:
@@ -180,6 +199,8 @@ def _require_target(variable: Variable, structure: Structure, place: str) -> Non
         expected, known = _targets(variable.quantity, structure)
         if target not in known:
             raise StudyError.at(place, target, expected, candidates=known)
+    if variable.quantity in {"rest_length", "rest_length_error"}:
+        _require_no_length_anew(structure.members_named(str(target)), structure.stages, place)
     if variable.quantity == "area":
         for member in structure.members_named(str(target)):
             if structure.members[member].area is None:
@@ -227,11 +248,17 @@ def _require_prestress(target: Prestress, structure: Structure, place: str) -> N
                 f"a member that stage {target.stage!r} changes",
                 candidates=changed,
             )
-        for stage in (*structure.stages[index:],):
+    _require_no_length_anew(target.members, structure.stages[index:], f"{place}.members")
+
+
+def _require_no_length_anew(members: Sequence[str], stages: Sequence[Stage], place: str) -> None:
+    """Refuse a variable that a later stage makes to be without effect."""
+    for stage in stages:
+        for member in members:
             if member in stage.rest_lengths:
                 raise StudyError(
-                    f"{place}.members: stage {stage.name!r} sets the rest length of {member!r} anew, "
-                    "expected a member on which the prestress still acts"
+                    f"{place}: stage {stage.name!r} sets the rest length of {member!r} anew, "
+                    "expected a member on which the variable still acts"
                 )
 
 
@@ -264,7 +291,7 @@ def _factors(variable: Variable, structure: Structure, value: float) -> list[flo
     match variable.quantity:
         case "actuator":
             return [structure.actuators[str(variable.target)].factor(value)]
-        case "prestress":
+        case "prestress" | "rest_length_error":
             return [1.0 + value]
         case "temperature":
             members = (structure.members[name] for name in structure.members_named(str(variable.target)))
@@ -319,6 +346,6 @@ def _changed_parts(variable: Variable, structure: Structure) -> list[str]:
         return [f"member {member!r} in stage {target.stage!r}" for member in target.members]
     if isinstance(target, Coordinate):
         return [f"node {target.node} along {target.axis}"]
-    if variable.quantity == "area":
+    if variable.quantity in {"area", "rest_length_error"}:
         return member_parts(structure, target)
     return [repr(target)]

@@ -1,4 +1,8 @@
-"""The kind of surrogate, chosen by trials: the smallest cross-validated error within a time budget."""
+"""The kind of surrogate, chosen by a race: the smallest cross-validated error within a time budget.
+
+All kinds are tried on one fold; only those that come near the best of them are tried on the others (Maron and
+Moore, *Artificial Intelligence Review* 11, 193-225, 1997, race models in this way).
+"""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -8,18 +12,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensegra.errors import StudyError
-from tensegra.surrogate.fit import cross_validation, data_of, fit, split
+from tensegra.surrogate.fit import answers_of_fold, data_of, fit, measured, split
 from tensegra.surrogate.surrogate import Surrogate
 from tensegra.surrogate.validation import Validation, fold_indices
 
 if TYPE_CHECKING:
-    from tensegra.surrogate.fit import Data, HeldOut, Runs
+    from tensegra.surrogate.fit import Answers, Data, HeldOut, Runs
 
 __all__ = ["CANDIDATES", "TIME_BUDGET", "Choice", "Trial", "choose"]
 
 TIME_BUDGET = 60.0
 N_FOLDS = 5
 SMALLEST_FOLD = 2
+GIVEN_UP = 3.0  # times the smallest error of the first fold: what is as far off does not win on the others
 PROBE_SHARE, PROBE_RUNS = 4, 300  # a quarter of the runs, or so many, tell what all will take
 
 # Kind, options, and the power of the number of runs that its time grows with at most; the quickest first.
@@ -39,15 +44,18 @@ class Trial:
     kind
         The kind, with its own options.
     error
-        Its cross-validated error, the largest of its outputs' `Validation.normalised_error`; None if it was
-        not tried, for want of time.
+        Its cross-validated error, the largest of its outputs' `Validation.normalised_error`; that of the
+        first fold if it was given up after it; None if it was not tried, for want of time.
     seconds
         Time that the trial took, or would have taken; None if there was no time to tell.
+    given_up
+        Whether it was tried on the first fold only.
     """
 
     kind: str
     error: float | None
     seconds: float | None
+    given_up: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +78,7 @@ class Choice:
         for trial in self.trials:
             error = "no time" if trial.error is None else format(trial.error, ".1e")
             took = "" if trial.seconds is None else f" ({trial.seconds:.1f} s)"
+            took += ", given up after one fold" if trial.given_up else ""
             told.append(f"{trial.kind} {error}{took}")
         return f"Choice({self.surrogate.kind!r}: {', '.join(told)})"
 
@@ -87,7 +96,8 @@ def choose(
 
     The kinds `pce`, `gpr` and `nn` are tried in this order, with their own options. One of which a trial on a
     quarter of the runs tells that it would take longer than is left of the budget is passed over, so that the
-    choice depends on the machine; the first is always tried.
+    choice depends on the machine; the first is always tried. One that is far from the best of them on the
+    first fold is given up.
 
     Parameters
     ----------
@@ -121,7 +131,7 @@ def choose(
     training, held_out, n_asked = split(runs, "auto", training_size, validation, np.random.default_rng(seed))
     n_folds = n_asked or min(N_FOLDS, training.n_points // SMALLEST_FOLD)
     trials, validations = _trials(training, n_folds, time_budget, seed)
-    best = min((t for t in trials if t.error is not None), key=lambda t: t.error or 0.0)
+    best = min((t for t in trials if t.kind in validations), key=lambda t: t.error or 0.0)
     options = dict(next(options for kind, options, _ in CANDIDATES if kind == best.kind))
     surrogate = fit(training, best.kind, validation=held_out, seed=seed, **options)
     if held_out is None:
@@ -132,28 +142,49 @@ def choose(
 def _trials(
     runs: "Data", n_folds: int, time_budget: float, seed: int
 ) -> tuple[list[Trial], dict[str, Validation]]:
-    """Cross-validate the candidates as long as there is time."""
+    """Race the candidates as long as there is time; return also the validations of those that finished."""
     folds = fold_indices(runs.n_points, n_folds, np.random.default_rng(seed))
-    trials: list[Trial] = []
-    validations: dict[str, Validation] = {}
+    n_train = runs.n_points - max(map(len, folds))
     end = time.perf_counter() + time_budget
+    trials: dict[str, Trial] = {}
+    answers: dict[str, list[Answers]] = {}
     for kind, options, growth in CANDIDATES:
-        left = end - time.perf_counter()
-        if trials and left <= 0:
-            trials.append(Trial(kind, None, None))
-            continue
-        if trials:
-            # Trained once for each fold, and once more if it is the best.
-            expected = (n_folds + 1) * _expected_seconds(runs, kind, options, growth, seed)
-            if expected > left:  # perhaps what was compiled for it is there now
-                expected = (n_folds + 1) * _expected_seconds(runs, kind, options, growth, seed)
-            if expected > end - time.perf_counter():
-                trials.append(Trial(kind, None, expected))
+        if answers:
+            expected = _expected_for_all(runs, kind, options, growth, seed, n_folds, end)
+            if expected is None or expected > end - time.perf_counter():
+                trials[kind] = Trial(kind, None, expected)
                 continue
         began = time.perf_counter()
-        validations[kind], _ = cross_validation(runs, folds, kind, seed, options)
-        trials.append(Trial(kind, validations[kind].error, time.perf_counter() - began))
-    return trials, validations
+        answers[kind] = [answers_of_fold(runs, folds[0], kind, seed, options)]
+        error = measured(answers[kind], "one fold", n_train).error
+        trials[kind] = Trial(kind, error, time.perf_counter() - began, given_up=True)
+    validations: dict[str, Validation] = {}
+    # The best of the first fold comes first, so that one at least is finished.
+    order = sorted(answers, key=lambda kind: trials[kind].error or 0.0)
+    for kind in order:
+        first = trials[kind]
+        out_of_time = time.perf_counter() > end
+        if validations and (out_of_time or (first.error or 0.0) > GIVEN_UP * (trials[order[0]].error or 0.0)):
+            continue
+        began = time.perf_counter()
+        own = next(options for name, options, _ in CANDIDATES if name == kind)
+        answers[kind] += [answers_of_fold(runs, fold, kind, seed, own) for fold in folds[1:]]
+        validations[kind] = measured(answers[kind], f"{n_folds}-fold", n_train)
+        seconds = (first.seconds or 0.0) + time.perf_counter() - began
+        trials[kind] = Trial(kind, validations[kind].error, seconds)
+    return list(trials.values()), validations
+
+
+def _expected_for_all(
+    runs: "Data", kind: str, options: Mapping[str, Any], growth: float, seed: int, n_folds: int, end: float
+) -> float | None:
+    """Return the time that training for each fold, and once more for the best, may take; None without any."""
+    if time.perf_counter() >= end:
+        return None
+    expected = (n_folds + 1) * _expected_seconds(runs, kind, options, growth, seed)
+    if expected > end - time.perf_counter():  # perhaps what was compiled for it is there now
+        expected = (n_folds + 1) * _expected_seconds(runs, kind, options, growth, seed)
+    return expected
 
 
 def _expected_seconds(runs: "Data", kind: str, options: Mapping[str, Any], growth: float, seed: int) -> float:

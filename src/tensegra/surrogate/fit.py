@@ -124,13 +124,13 @@ def fit(
 
     surrogate = _train(training, kind, seed, options)
     if folds:
-        measured, _ = cross_validation(training, folds, kind, seed, options)
-        return replace(surrogate, validation=measured)
+        crossed, _ = cross_validation(training, folds, kind, seed, options)
+        return replace(surrogate, validation=crossed)
     if held_out is None:
         return surrogate
     answers = [Answers.of(surrogate, held_out)]
     return replace(
-        surrogate, validation=_measured(answers, f"held out {held_out.n_points}", training.n_points)
+        surrogate, validation=measured(answers, f"held out {held_out.n_points}", training.n_points)
     )
 
 
@@ -226,18 +226,22 @@ def cross_validation(
     tuple
         The measures, and what each fold was told.
     """
-    every = np.arange(runs.n_points)
-    answers = [
-        Answers.of(_train(runs.rows(np.setdiff1d(every, fold)), kind, seed, options), runs.rows(fold))
-        for fold in folds
-    ]
-    return _measured(answers, f"{len(folds)}-fold", runs.n_points - max(map(len, folds))), answers
+    answers = [answers_of_fold(runs, fold, kind, seed, options) for fold in folds]
+    return measured(answers, f"{len(folds)}-fold", runs.n_points - max(map(len, folds))), answers
 
 
-def _measured(answers: Sequence[Answers], method: str, n_train: int) -> Validation:
+def answers_of_fold(
+    runs: Data, fold: NDArray[np.intp], kind: str, seed: int, options: Mapping[str, Any]
+) -> Answers:
+    """Return what a surrogate that was trained on the other runs says of those of a fold."""
+    others = np.setdiff1d(np.arange(runs.n_points), fold)
+    return Answers.of(_train(runs.rows(others), kind, seed, options), runs.rows(fold))
+
+
+def measured(answers: Sequence[Answers], method: str, n_train: int) -> Validation:
     """Measure what surrogates said, all their answers together."""
     stds = [each.std for each in answers if each.std is not None]
-    measured = measure(
+    found = measure(
         np.concatenate([each.Y for each in answers]),
         np.concatenate([each.prediction for each in answers]),
         np.concatenate(stds) if len(stds) == len(answers) else None,
@@ -246,7 +250,7 @@ def _measured(answers: Sequence[Answers], method: str, n_train: int) -> Validati
         output_names=answers[0].output_names,
     )
     right = [each.right for each in answers if each.right is not None]
-    return replace(measured, outcome_right=float(np.mean(np.concatenate(right)))) if right else measured
+    return replace(found, outcome_right=float(np.mean(np.concatenate(right)))) if right else found
 
 
 def data_of(data: "Runs | HeldOut", kind: str) -> Data:

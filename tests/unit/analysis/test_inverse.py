@@ -91,14 +91,39 @@ def test_where_the_way_is_blocked_another_branch_is_taken():
     assert path.x[1, 0] > 0.55
 
 
-def test_the_true_model_solves_every_waypoint_again():
-    off = FunctionModel(lambda X: arm(X) + 0.01, ("a", "b"), ("x", "y"), BOX, name="truth")
-    path = reach(ARM, {"x": [1.0, 1.2], "y": 1.0}, true_model=off)
-    assert_allclose(path.true_outputs - path.outputs, 0.01)
+def test_where_the_true_model_misses_it_is_aimed_again():
+    """The surrogate is off and its slopes are wrong by a tenth: each step leaves a tenth of the miss."""
+    off = FunctionModel(lambda X: 1.1 * arm(X) + 0.01, ("a", "b"), ("x", "y"), BOX, name="truth")
+    error = {"normal": {"mean": 0.0, "std": 0.001}}
+    path = reach(ARM, {"x": [1.2, 1.4], "y": 1.2}, errors={"a": error}, true_model=off)
+    assert path.success
     assert path.true_status == ("evaluated", "evaluated")
+    assert_allclose(path.true_outputs, [[1.2, 1.2], [1.4, 1.2]], atol=min(path.tolerance))
+    assert_allclose(path.true_outputs, off.evaluate(path.x).values)
+    assert_allclose(path.outputs, arm(path.x))
+    assert ((path.low < path.true_outputs) & (path.true_outputs < path.high)).all()
     row = path.table()[1]
-    assert (row["waypoint"], row["x target"], row["reached"]) == (2, 1.2, False)  # the truth misses
-    assert_allclose(row["x true"] - row["x"], 0.01)
+    assert (row["waypoint"], row["x target"], row["reached"]) == (2, 1.4, True)
+
+
+def test_what_the_true_model_cannot_reach_is_told_with_its_nearest():
+    """The surrogate claims all of 2; the truth has 1.8 at most."""
+    short = FunctionModel(lambda X: 0.9 * arm(X), ("a", "b"), ("x", "y"), BOX, name="truth")
+    path = reach(ARM, {"x": [1.0, 1.95], "y": [1.0, 0.0]}, true_model=short)
+    assert path.reached.tolist() == [True, False]
+    assert path.true_outputs[1, 0] == pytest.approx(1.8, abs=1e-2)
+    assert "at most x by 0.15" in path.reason
+
+
+def test_a_condition_is_kept_by_the_true_model_too():
+    """The surrogate takes the load for a tenth less than it is."""
+    names = ("w", "load")
+    box = np.array([[0.0, 1.0]] * 2)
+    light = FunctionModel(lambda X: np.stack([X.sum(axis=1), 0.9 * X[:, 0]], axis=1), ("a", "b"), names, box)
+    true = FunctionModel(lambda X: np.stack([X.sum(axis=1), X[:, 0]], axis=1), ("a", "b"), names, box)
+    path = reach(light, {"w": 1.3}, constraints=["load <= 0.4"], true_model=true)
+    assert path.success
+    assert path.x[0, 0] <= 0.4 + 1e-3
 
 
 def test_a_surrogates_own_error_widens_the_interval():

@@ -92,7 +92,23 @@ def test_settings_of_the_steps_are_obeyed(case):
     fine = solve_batch(structure, actuation=few)
     for run in range(2):
         assert located(fine.reason[run]) - 3e-3 < located(coarse.reason[run]) <= located(fine.reason[run])
-        assert coarse.steps[run] < fine.steps[run]
+        assert coarse.steps[run] <= fine.steps[run]
+
+
+def test_a_fold_is_located_as_finely_as_is_asked_for():
+    truss = library.von_mises_truss()
+    top = next(node for node in truss.nodes if truss.supports.get(node) != "xyz")
+    limit = next(
+        load
+        for load in -np.logspace(0, 12, 60)
+        if solve_path(truss, loads={(top, "z"): load}).critical_points
+    )
+    ends = {}
+    for smallest in (1e-2, 1e-7):
+        path = solve_path(truss, loads={(top, "z"): limit}, settings=PathSettings(smallest_step=smallest))
+        ends[smallest] = path.critical_points[0].parameter, path.final.steps
+    assert ends[1e-2][0] < ends[1e-7][0] < ends[1e-2][0] + 2e-2
+    assert ends[1e-2][1] < ends[1e-7][1]
 
 
 def test_a_singular_stiffness_does_not_stand_whatever_its_pivots_say():

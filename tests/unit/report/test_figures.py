@@ -69,6 +69,44 @@ def test_tick_labels_of_an_axis_do_not_overlap(drawings):
                     assert not first.overlaps(second), (name, [label.get_text() for label in labels])
 
 
+def test_no_legend_lies_over_data(drawings):
+    for name, drawing in drawings.items():
+        drawing.canvas.draw()
+        panels = drawing.findobj(lambda artist: hasattr(artist, "get_xticklabels"))
+        inside = [axes.get_legend() for axes in panels if axes.get_legend() is not None]
+        for legend in [*inside, *drawing.legends]:
+            extent = legend.get_window_extent()
+            assert not any(extent.overlaps(axes.get_window_extent()) for axes in panels), name
+
+
+def test_a_power_of_ten_stands_in_the_name_of_its_axis():
+    from tensegra.report.figures.style import figure, styled
+
+    @styled
+    def small():
+        made = figure(2.0)
+        axes = made.add_subplot()
+        axes.plot([0.0, 4e-5], [0.0, 3e7])
+        axes.set_xlabel("w [cm]")
+        axes.set_ylabel("E [Pa]")
+        return made
+
+    axes = small().axes[0]
+    assert "×10⁻⁵" in axes.get_xlabel()
+    assert "×10⁷" in axes.get_ylabel()
+    assert not axes.xaxis.get_offset_text().get_visible()
+
+
+def test_a_notebook_shows_a_figure_without_pyplot(tmp_path):
+    program = (
+        "import sys, tensegra as tg\n"
+        "shown = tg.solve_path(tg.library.prism()).plot()._repr_png_()\n"
+        "assert shown.startswith(b'\\x89PNG') and len(shown) > 10_000\n"
+        "assert 'matplotlib.pyplot' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, cwd=tmp_path)  # noqa: S603
+
+
 def test_axes_name_their_units(drawings):
     for name in ("outputs", "selection", "propagation"):
         labels = {axes.get_xlabel() for axes in drawings[name].axes} | {

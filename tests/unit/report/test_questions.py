@@ -171,7 +171,7 @@ def test_the_axes_name_their_units(contents):
         return {axes.get_xlabel() for axes in drawing.axes} | {axes.get_ylabel() for axes in drawing.axes}
 
     assert "effect on T_K1 [kN]" in labels(figures.screening_figure(contents["morris"]))
-    assert {"w [cm]", "margin of v <= 2"} <= labels(figures.robust_figure(contents["robust"]))
+    assert {"w [cm]", "margin of v <= 2 [cm]"} <= labels(figures.robust_figure(contents["robust"]))
     assert {"w − target [cm]", "waypoint"} <= labels(figures.trajectory_figure(contents["inverse"]))
     calibration = contents["calibration"]
     assert "prestress" in labels(figures.marginal_figure(calibration))

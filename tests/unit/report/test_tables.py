@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tensegra.errors import ModelError
-from tensegra.mechanics import solve_path
+from tensegra.mechanics import solve_batch, solve_path
 from tensegra.report.analysis_tables import optimum_table, propagation_table, result_tables
 from tensegra.report.study_tables import reason_table, validation_table
 from tensegra.report.tables import (
@@ -27,6 +27,7 @@ from tensegra.report.tables import (
 )
 from tensegra.structure import library
 from tensegra.study import CampaignState
+from tensegra.surrogate.batches import field_runs
 
 SIX_DIGITS = 5e-6
 """Half a unit of the sixth significant digit of the largest number, for which `aligned` has room."""
@@ -96,7 +97,7 @@ def test_the_history_is_written_with_units(path, tmp_path):
     assert len(frame) == len(path.history) == len(history_frame(path))
     last = frame.iloc[-1]
     assert last["z_18"] == path.final.node(18)[2]
-    assert last["tension_K1"] == path.final.tension("K1")
+    assert last["T_K1"] == path.final.tension("K1")
     assert frame.attrs["units"] == {"length": "cm", "force": "kN", "temperature": "degC"}
 
 
@@ -106,6 +107,17 @@ def test_the_history_as_csv_keeps_all_digits(path, tmp_path):
     frame, expected = pd.read_csv(file, dtype=str), history_frame(path)
     assert list(frame) == list(expected)
     assert [float(text) for text in frame["z_18"]] == expected["z_18"].tolist()
+
+
+def test_positions_and_tensions_have_one_name_in_every_table(path, tmp_path):
+    for name in ("path.parquet", "path.csv"):
+        write_history(path, tmp_path / name)
+    structure = path.structure
+    frame = list(history_frame(path))
+    assert list(pd.read_parquet(tmp_path / "path.parquet")) == frame
+    assert list(pd.read_csv(tmp_path / "path.csv")) == frame
+    field = field_runs(solve_batch(structure, actuation={"A14": [0.01, 0.02]}))
+    assert [name for name in frame if "_" in name] == list(field.runs.output_names)
 
 
 @pytest.mark.parametrize("name", ["path.parquet", "path.csv"])

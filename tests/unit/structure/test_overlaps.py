@@ -36,7 +36,12 @@ def test_a_group_and_its_member_are_refused_in_either_order(beam):
 
 
 def test_groups_that_share_nothing_are_not_refused(beam):
-    require_one_change(beam, "temperature", ["top", "bottom"])
+    parts = {name: member_parts(beam, name) for name in ("top", "bottom")}
+    assert all(parts.values())
+    assert not set(parts["top"]) & set(parts["bottom"])
+    require_one_change(beam, "temperature", list(parts))
+    with pytest.raises(ModelError, match="'top' sets too"):
+        require_one_change(beam, "temperature", [*parts, beam.groups["top"][0]])
 
 
 def test_an_integer_and_its_text_are_one_name(beam):

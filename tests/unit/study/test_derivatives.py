@@ -30,6 +30,8 @@ VARIABLES = {
     "modulus": ({"youngs_modulus": "steel"}, [11000, 12000]),
     "area": ({"area": "clustered"}, [0.45, 0.55]),
     "rest_length": ({"rest_length": "K2"}, [300, 302]),
+    "error": ({"rest_length_error": "K2"}, [-0.002, 0.002]),
+    "errors": ({"rest_length_error": "clustered"}, [-0.001, 0.001]),
     "load": ({"load": {"node": 18, "axis": "z"}}, [-0.2, 0.2]),
     "position": ({"position": {"node": 1, "axis": "z"}}, [-1, 1]),
     "prestress": ({"prestress": {"stage": "prestress", "members": ["K1", "K4"]}}, [-0.03, -0.02]),
@@ -58,6 +60,7 @@ def central_differences(study, X):
     [
         *([name, "actuator"] for name in VARIABLES if name != "actuator"),
         ["rest_length", "prestress", "actuator"],
+        ["errors", "rest_length", "prestress", "actuator"],
         ["modulus", "group", "load", "actuator"],
     ],
     ids="+".join,

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -86,6 +88,22 @@ def test_a_prestress_is_the_change_that_its_stage_makes(content):
     runs = solve_batch(direct)
     expected = [runs.tension("K1")[0], runs.coordinate("z", nodes=["18", "23"])[0]]
     assert_allclose(study.evaluate([[-0.03]]).Y[0], expected, rtol=SAME_SOLUTION)
+
+
+def test_an_error_of_rest_length_is_a_member_cut_wrongly(content):
+    """The same as a structure whose members are that much longer, whatever a stage then does to them."""
+    law = {"uniform": [-0.002, 0.002]}
+    content["variables"] = {"e": {"rest_length_error": "clustered", "distribution": law}}
+    content["outputs"] = {"T": {"tension": "K1"}, "z": {"coordinate": "z", "nodes": [18, 23]}}
+    study = parse_study(content)
+    cut = {
+        name: replace(member, rest_length=1.001 * member.rest_length) if member.is_clustered else member
+        for name, member in study.structure.members.items()
+    }
+    runs = solve_batch(study.structure.replace(members=cut))
+    expected = [runs.tension("K1")[0], runs.coordinate("z", nodes=["18", "23"])[0]]
+    assert_allclose(study.evaluate([[0.001]]).Y[0], expected, rtol=SAME_SOLUTION)
+    assert abs(study.evaluate([[0.0]]).Y[0, 0] - expected[0]) > 1.0
 
 
 def test_the_real_solver_moves_the_tip_as_the_reconstruction_does(content):

@@ -207,6 +207,11 @@ def test_a_reaction_that_there_is_not_is_refused(content, nodes, message):
         ({"youngs_modulus": "steel"}, {"youngs_modulus": "steel"}, "one youngs_modulus of 'steel'"),
         ({"rest_length": "K1"}, {"rest_length": "K1"}, "one rest_length of 'K1'"),
         (
+            {"rest_length_error": "K1"},
+            {"rest_length_error": "clustered"},
+            "one rest_length_error of member 'K1'",
+        ),
+        (
             {"load": {"node": 18, "axis": "z"}},
             {"load": {"node": "18", "axis": "z"}},
             "one load of node 18 along z",
@@ -226,6 +231,23 @@ def test_two_variables_that_change_one_thing_are_refused_with_both_names(content
     with pytest.raises(
         StudyError, match=rf"variables\.two: found .* expected {shared}, which 'one' sets too"
     ):
+        parse_study(content)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "values"), [("rest_length", [299, 300]), ("rest_length_error", [-0.01, 0.01])]
+)
+def test_a_length_that_a_stage_sets_anew_is_refused(content, quantity, values):
+    content["changes"] = {"stages": [{"name": "cut", "rest_lengths": {"K1": 298}}]}
+    content["variables"] = {"l": {quantity: "K1", "distribution": {"uniform": values}}}
+    with pytest.raises(StudyError, match=rf"variables.l.{quantity}: stage 'cut' sets .*'K1' anew"):
+        parse_study(content)
+
+
+@pytest.mark.parametrize(("low", "told"), [(-1.0, "above -1 that leave"), (-2e9, "above -1")])
+def test_an_error_that_leaves_no_length_is_refused(content, low, told):
+    content["variables"]["e"] = {"rest_length_error": "K2", "distribution": {"uniform": [low, 0.1]}}
+    with pytest.raises(StudyError, match=rf"variables.e.distribution: found values from .*{told}"):
         parse_study(content)
 
 

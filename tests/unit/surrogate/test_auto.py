@@ -33,6 +33,20 @@ def test_the_smallest_cross_validated_error_wins():
     assert repr(choice).startswith(f"Choice('{choice.surrogate.kind}': pce ")
 
 
+def test_what_is_far_off_on_the_first_fold_is_given_up(monkeypatch):
+    trained = []
+    own = auto.answers_of_fold
+    monkeypatch.setattr(auto, "answers_of_fold", lambda *told: trained.append(told[2]) or own(*told))
+    choice = choose(step(200), seed=1)
+    trials = {trial.kind: trial for trial in choice.trials}
+    least = min(trial.error for trial in choice.trials)
+    assert trials["pce"].given_up
+    assert trials["pce"].error > auto.GIVEN_UP * least
+    assert trained.count("pce") == 1
+    assert trained.count(choice.surrogate.kind) == auto.N_FOLDS
+    assert "given up after one fold" in repr(choice)
+
+
 def test_without_time_the_quickest_is_taken():
     choice = choose(runs(), time_budget=1e-6)
     assert choice.surrogate.kind == "pce"

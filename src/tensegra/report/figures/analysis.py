@@ -1,5 +1,6 @@
 """Figures of the analyses, from what they left in the campaign's folder."""
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -48,8 +49,7 @@ def propagation_figure(content: Content) -> "Figure":
         axes = top.add_subplot(input_rows, min(len(inputs), 5), i + 1)
         histogram(axes, summary, GREY, filled=True)
         axes.set_xlabel(labelled(summary["name"], summary["unit"]))
-        axes.set_yticks([])
-        axes.locator_params(axis="x", nbins=3)
+        axes.locator_params(nbins=3)
         axes.tick_params(labelsize=7)
     top.supylabel("density", fontsize=8.5)
     models = [content, *([content["other"]] if content["other"] else [])]
@@ -69,8 +69,8 @@ def propagation_figure(content: Content) -> "Figure":
             )
         axes.set_xlabel(labelled(summary["name"], summary["unit"]))
         axes.locator_params(axis="x", nbins=5)
-        if k == 0:
-            axes.set_ylabel(_density_label(summary["unit"]))
+        if k == 0 or summary["unit"] != outputs[k - 1]["unit"]:
+            axes.set_ylabel(density_label(summary["unit"]))
     legend_above(bottom, bottom.axes[0])
     return made
 
@@ -131,8 +131,9 @@ def index_convergence(content: Content) -> "Figure":
 @styled
 def search_figure(contents: Sequence[Content], traces: "Sequence[pd.DataFrame]") -> "Figure":
     """Draw the best objective over the evaluations, a panel per method."""
-    made, panels = grid(len(contents), columns=2 if len(contents) == 4 else 3, height=2.4)
-    for m, (axes, content, trace) in enumerate(zip(panels, contents, traces, strict=True)):
+    columns = 2 if len(contents) == 4 else 3
+    made, panels = grid(len(contents), columns=columns, height=2.4)
+    for axes, content, trace in zip(panels, contents, traces, strict=True):
         step = max(1, len(trace) // 3000)
         shown = trace.iloc[::step]
         axes.plot(
@@ -145,7 +146,7 @@ def search_figure(contents: Sequence[Content], traces: "Sequence[pd.DataFrame]")
             label="visited",
             rasterized=True,
         )
-        axes.step(trace["evaluation"], trace["best"], where="post", color=COLOURS[m], label="best so far")
+        axes.step(trace["evaluation"], trace["best"], where="post", color=COLOURS[0], label="best so far")
         if content["true_objective"] is not None:
             axes.plot(
                 [trace["evaluation"].iloc[-1]],
@@ -158,8 +159,10 @@ def search_figure(contents: Sequence[Content], traces: "Sequence[pd.DataFrame]")
         axes.set_title(content["method"])
         axes.set_xlabel("evaluations")
         axes.locator_params(axis="x", nbins=4)
-        axes.legend(loc="lower right" if content["maximise"] else "upper right")
-    panels[0].set_ylabel("objective")
+        axes.ticklabel_format(axis="x", style="plain")
+    for axes in panels[:: min(columns, len(panels))]:
+        axes.set_ylabel(labelled("objective", unit_of(contents[0]["formula"], contents[0]["units"])))
+    legend_above(made, panels[0])
     return made
 
 
@@ -189,7 +192,8 @@ def visited_figure(contents: Sequence[Content], traces: "Sequence[pd.DataFrame]"
                 linewidth=1.4,
                 label=content["method"],
             )
-        axes.set_xlabel(labelled(name, first["units"].get(name, "")))
+        unit = unit_of(first["formula"] if name == "objective" else name, first["units"])
+        axes.set_xlabel(labelled(name, unit))
         axes.locator_params(axis="x", nbins=4)
     for axes in panels[:: min(3, len(panels))]:
         axes.set_ylabel("share of visits")
@@ -208,8 +212,23 @@ def histogram(axes: "Axes", summary: Content, colour: str, *, filled: bool, labe
         axes.stairs(heights, edges, color=colour, alpha=0.8, linewidth=0.9, label=label)
 
 
-def _density_label(unit: str) -> str:
-    return f"density [1/{unit}]" if unit else "density"
+def density_label(unit: str) -> str:
+    """Return the name of an axis of densities of a quantity."""
+    return f"density [1/({unit})]" if "/" in unit else f"density [1/{unit}]" if unit else "density"
+
+
+def unit_of(formula: str, units: Mapping[str, str]) -> str:
+    """Return the unit of a formula that is one name or its magnitude, or a comparison of that; else none.
+
+    Examples
+    --------
+    >>> unit_of("abs(v) <= 2", {"v": "cm"}), unit_of("v / w", {"v": "cm", "w": "cm"})
+    ('cm', '')
+    """
+    return units.get(_MAGNITUDE.sub(r"\1", re.split(r"[<>=]=?", formula)[0].strip()), "")
+
+
+_MAGNITUDE = re.compile(r"^abs\(\s*(\w+)\s*\)$")
 
 
 def numbers(values: Sequence[float | None]) -> np.ndarray:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensegra.report.figures.analysis import histogram, numbers
+from tensegra.report.figures.analysis import density_label, histogram, numbers, unit_of
 from tensegra.report.figures.panels import MOST_PANELS, first_shown, strongest
 from tensegra.report.figures.style import COLOURS, GREY, WIDTH, figure, grid, legend_above, styled
 from tensegra.report.tables import labelled
@@ -24,6 +24,12 @@ __all__ = [
 ]
 
 Content = Mapping[str, Any]
+
+RELATIVE = "density over its peak"
+"""What tells a sharp law beside a wide one, which would lie flat under one scale for both."""
+
+FAINT = 0.02
+"""Of a density's peak: what lies beyond is not drawn."""
 
 MOST_BARS = 20
 """Inputs that a screening draws; the others are weaker."""
@@ -73,11 +79,12 @@ def robust_figure(content: Content) -> "Figure":
                 density = spread["other"]["outputs"][name]["density"]
                 label = f"{design}, {spread['other']['model']}"
                 axes.plot(density["grid"], density["values"], "--", color=colour, label=label)
-        axes.set_xlabel(labelled(name, content["robust"]["units"].get(name, "")))
+        unit = unit_of(name.removeprefix("margin of "), content["robust"]["units"])
+        axes.set_xlabel(labelled(name, unit))
+        axes.set_ylabel(density_label(unit))
         axes.locator_params(axis="x", nbins=5)
         if name != content["formula"]:
             axes.axvline(0.0, color="#404040", linewidth=0.9)
-    panels[0].set_ylabel("density")
     legend_above(made, panels[0])
     return made
 
@@ -99,7 +106,8 @@ def trajectory_figure(content: Content) -> "Figure":
             steps, X[:, i], "o-", markersize=3.5, color=COLOURS[i % len(COLOURS)], label=axes_label
         )
     panels[0].set_ylabel("inputs")
-    panels[0].legend(loc="best")
+    names = panels[0].get_legend_handles_labels()
+    made.legend(*names, loc="outside lower left", ncols=4)
     for k, (axes, name) in enumerate(zip(panels[1:], outputs, strict=True)):
         target = _column(content["targets"], k)
         low, high, reached = (_column(content[key], k) - target for key in ("low", "high", "outputs"))
@@ -139,7 +147,7 @@ def marginal_figure(content: Content) -> "Figure":
         axes.set_yticks([])
         axes.locator_params(axis="x", nbins=4)
         if k % columns == 0:
-            axes.set_ylabel("density")
+            axes.set_ylabel(RELATIVE)
     first = columns * -(-p // columns)
     for m, (i, j) in enumerate(pairs):
         axes = made.add_subplot(rows, columns, first + m + 1)
@@ -194,15 +202,23 @@ def prediction_figure(contents: Sequence[Content]) -> "Figure":
     outputs = first_shown(posterior["outputs"])
     made, panels = grid(len(outputs), height=2.3)
     for axes, (name, summary) in zip(panels, outputs.items(), strict=True):
-        histogram(axes, prior["outputs"][name], GREY, filled=True, label="from the prior")
-        histogram(axes, summary, COLOURS[0], filled=True, label="from the posterior")
-        centre, std = (prior["outputs"][name]["statistics"][key]["value"] for key in ("mean", "std"))
-        if std:  # the extremes of many samples would leave the rest a line
-            axes.set_xlim(centre - 4 * std, centre + 4 * std)
+        ends = []
+        for shown, colour, label in (
+            (prior["outputs"][name], GREY, "from the prior"),
+            (summary, COLOURS[0], "from the posterior"),
+        ):
+            grid_points, values = (numbers(shown["density"][key]) for key in ("grid", "values"))
+            if not len(values):
+                continue
+            height = values / values.max()
+            axes.fill_between(grid_points, height, color=colour, alpha=0.45, linewidth=0, label=label)
+            ends += grid_points[height > FAINT][[0, -1]].tolist()
+        if ends:  # the extremes of many samples would leave the rest a line
+            axes.set_xlim(min(ends), max(ends))
         axes.set_xlabel(labelled(name, summary["unit"]))
         axes.locator_params(axis="x", nbins=5)
         axes.set_yticks([])
-    panels[0].set_ylabel("density")
+    panels[0].set_ylabel(RELATIVE)
     legend_above(made, panels[0])
     return made
 
@@ -217,8 +233,8 @@ def _abscissa(found: Content, units: Mapping[str, str]) -> tuple[np.ndarray, str
 
 
 def _bars(axes: "Axes", values: np.ndarray, colour: str, label: str) -> None:
-    heights, edges = np.histogram(values, 30, density=True)
-    axes.stairs(heights, edges, fill=True, color=colour, alpha=0.45, label=label)
+    heights, edges = np.histogram(values, 30)
+    axes.stairs(heights / max(heights.max(), 1), edges, fill=True, color=colour, alpha=0.45, label=label)
 
 
 def _column(rows: Sequence[Sequence[float | None]], k: int) -> np.ndarray:

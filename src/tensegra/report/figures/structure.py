@@ -38,7 +38,12 @@ LABEL_SIZE = (0.035, 0.035)
 
 @styled
 def structure_figure(
-    structure: Structure, nodes: Array, named: Sequence[str] = (), *, reference: Array | None = None
+    structure: Structure,
+    nodes: Array,
+    named: Sequence[str] = (),
+    *,
+    reference: Array | None = None,
+    members: Sequence[str] = (),
 ) -> "Figure":
     """Draw a structure in space, with the names of as many nodes as find room.
 
@@ -52,6 +57,8 @@ def structure_figure(
         Nodes whose names matter most.
     reference
         Other positions, drawn in grey, shape (n_nodes, 3).
+    members
+        Members whose names are written at their middles.
     """
     made = figure(3.9)
     axes = _axes_in_space(made, (0.0, 0.02, 0.92, 0.94))
@@ -62,6 +69,7 @@ def structure_figure(
     axes.scatter(*nodes[held].T, marker="^", s=30, color=GREEN, label="supports", depthshade=False, zorder=10)
     _frame(axes, structure, nodes if reference is None else np.concatenate([reference, nodes]), zoom=1.36)
     _name_nodes(axes, structure, nodes, [*named, *structure.supports, *structure.node_ids])
+    _name_members(axes, structure, nodes, members)
     handles, labels = axes.get_legend_handles_labels()
     made.legend(handles, labels, loc="upper left", ncols=len(labels))
     return made
@@ -84,20 +92,21 @@ def shape_figure(structure: Structure, reference: Array, shapes: Mapping[str, Ar
     everything = np.concatenate([reference, *shapes.values()])
     width = 1.0 / len(shapes)
     for i, (title, nodes) in enumerate(shapes.items()):
-        axes = _axes_in_space(made, (i * width, 0.46, 0.86 * width, 0.5))
+        axes = _axes_in_space(made, (i * width, 0.46, 0.84 * width, 0.5))
         _draw_in_space(axes, structure, reference, colour="#bdbdbd")
         _draw_in_space(axes, structure, nodes)
-        _frame(axes, structure, everything, zoom=1.1)
+        _frame(axes, structure, everything, zoom=1.02)
         made.text((i + 0.5) * width, 0.965, title, ha="center", fontsize=9)
     for column, (first, second) in enumerate(((0, 2), (0, 1))):
         flat = made.add_axes((0.09 + 0.5 * column, 0.09, 0.395, 0.31))
         _draw_flat(flat, structure, reference[:, (first, second)], GREY, "reference")
         for (title, nodes), colour in zip(shapes.items(), COLOURS, strict=False):
-            _draw_flat(flat, structure, nodes[:, (first, second)], colour, title)
+            _draw_flat(flat, structure, nodes[:, (first, second)], colour, title.partition(":")[0])
         flat.set_aspect("equal", adjustable="datalim")
         flat.set_xlabel(labelled("xyz"[first], structure.units.length))
         flat.set_ylabel(labelled("xyz"[second], structure.units.length))
-    made.legend(*made.axes[-1].get_legend_handles_labels(), loc=(0.3, 0.415), ncols=1 + len(shapes))
+    names = made.axes[-1].get_legend_handles_labels()
+    made.legend(*names, loc="center", bbox_to_anchor=(0.5, 0.43), ncols=1 + len(shapes))
     return made
 
 
@@ -122,6 +131,19 @@ def _name_nodes(axes: Any, structure: Structure, nodes: Array, order: Sequence[s
         if all(np.any(np.abs(place - other) > LABEL_SIZE * size) for other in placed):
             placed.append(place)
             axes.text(*nodes[n], f" {name}", fontsize=7, color="#303030", zorder=11, path_effects=halo)
+
+
+def _name_members(axes: Any, structure: Structure, nodes: Array, members: Sequence[str]) -> None:  # noqa: ANN401
+    """Write the names of members at the middle segments of their paths."""
+    from matplotlib.patheffects import withStroke
+
+    halo = [withStroke(linewidth=2.5, foreground="white")]
+    for name in members:
+        path = structure.members[name].nodes
+        first, second = path[(len(path) - 1) // 2], path[(len(path) - 1) // 2 + 1]
+        middle = nodes[[structure.node_ids.index(node) for node in (first, second)]].mean(axis=0)
+        look = {"fontsize": 9, "fontweight": "bold", "color": VERMILION, "ha": "center", "zorder": 12}
+        axes.text(*middle, name, path_effects=halo, **look)
 
 
 def _segments(structure: Structure, nodes: Array) -> dict[str, list[Array]]:

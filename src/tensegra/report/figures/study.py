@@ -208,7 +208,7 @@ def parity_figure(
         )
         below.set_xlabel(labelled("true", unit))
         below.set_ylabel(labelled("predicted − true", unit) if k == 0 else "")
-        below.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3), useMathText=True)
+        below.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
         for axes in (above, below):
             axes.locator_params(axis="x", nbins=4)
             axes.locator_params(axis="y", nbins=5)
