@@ -282,24 +282,4 @@ def report(
     show_report(written, as_json=as_json)
 
 
-@app.command()
-def bench(
-    quick: Annotated[bool, typer.Option("--quick", help="Smaller sizes and fewer repetitions.")] = False,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Write the tables to a Markdown file.")
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Measure how fast this machine solves, beside its limit and other programs."""
-    from tensegra.benchmark import FULL, QUICK, measure, to_markdown
-    from tensegra.progress import progress
-    from tensegra.terminal import show_benchmark
-
-    with progress() as listener:
-        benchmark = measure(QUICK if quick else FULL, listener)
-    if output is not None:
-        output.write_text(to_markdown(benchmark), encoding="utf-8")
-    show_benchmark(benchmark, as_json=as_json)
-
-
 add_commands(app)

@@ -26,7 +26,6 @@ from tensegra.report.tables import (
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tensegra.benchmark import Benchmark
     from tensegra.mechanics import EquilibriumPath
     from tensegra.report.check import StructureCheck, StudyCheck
     from tensegra.report.results import Results
@@ -37,7 +36,6 @@ __all__ = [
     "print_json",
     "print_line",
     "print_table",
-    "show_benchmark",
     "show_dry_run",
     "show_path",
     "show_report",
@@ -181,17 +179,6 @@ def show_report(path: "Path", *, as_json: bool = False) -> None:
         print_json({"report": str(path)})
     else:
         print_line(str(path))
-
-
-def show_benchmark(benchmark: "Benchmark", *, as_json: bool = False) -> None:
-    """Show what a machine was measured to do."""
-    if as_json:
-        print_json(benchmark.to_dict())
-        return
-    print_line(f"{benchmark.machine}.")
-    print_line()
-    for table in benchmark.tables():
-        print_table(table)
 
 
 def print_json(content: dict[str, Any]) -> None:

@@ -4,13 +4,13 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegra.errors import ModelError
-from tensegra.mechanics.arrays import BoolArray, FloatArray, structure_arrays
+from tensegra.mechanics.arrays import AXES, BoolArray, FloatArray, structure_arrays
 from tensegra.mechanics.block import (
     LOCKSTEP_KINDS,
     Parameter,
@@ -32,8 +32,12 @@ from tensegra.mechanics.stages import Ground
 from tensegra.mechanics.status import Status, axis_index, index_of, names_in
 from tensegra.mechanics.strains import strain_limits
 from tensegra.mechanics.variants import Variants, varied_arrays
+from tensegra.presented import Presented
 from tensegra.savable import Savable
 from tensegra.structure import Structure
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Coordinate = tuple[str, str]
 
@@ -41,8 +45,8 @@ BLOCK = 4096
 """Runs that are prepared, solved and gathered together: what bounds the memory beside the results."""
 
 
-@dataclass(frozen=True, eq=False)
-class Batch(RunResults, Savable):
+@dataclass(frozen=True, eq=False, repr=False)
+class Batch(RunResults, Presented, Savable):
     """Results of many runs, with the runs themselves.
 
     Attributes
@@ -136,6 +140,27 @@ class Batch(RunResults, Savable):
         """Sum of the reactions at the named nodes along an axis, shape ``(n_runs,)``."""
         total: FloatArray = self.reactions[:, self._rows(nodes), axis_index(axis)].sum(axis=1)
         return total
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a row for each run.
+
+        Columns are ``status``, ``reason``, ``residual``, ``lowest_eigenvalue``, ``steps`` and ``iterations``,
+        then ``<node>.x|y|z`` in the unit of length and ``T.<member>`` in the unit of force; NaN where failed.
+        """
+        import pandas as pd
+
+        columns: dict[str, Any] = {
+            "status": self.status.astype(str),
+            "reason": self.reason.astype(str),
+            "residual": self.residual,
+            "lowest_eigenvalue": self.lowest_eigenvalue,
+            "steps": self.steps,
+            "iterations": self.iterations,
+        }
+        names = [f"{node}.{axis}" for node in self.node_ids for axis in AXES]
+        columns |= dict(zip(names, self.nodes.reshape(self.n_runs, -1).T, strict=True))
+        columns |= dict(zip((f"T.{member}" for member in self.member_ids), self.tensions.T, strict=True))
+        return pd.DataFrame(columns)
 
     def derivative(self, name: object, of: ParameterKind = "actuation") -> Derivative:
         """Differentiate positions and tensions of all runs by one parameter, exactly.

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegra.errors import ModelError
+from tensegra.files import replacing
 from tensegra.mechanics import Equilibrium, EquilibriumPath
 from tensegra.mechanics.history import history_arrays
 from tensegra.report.members import size_of, weight_of
@@ -333,13 +334,11 @@ def write_history(path: EquilibriumPath, file: Path) -> None:
     if suffix not in HISTORY_FILES:
         raise ModelError.at("-o", file.name, "a file named .parquet or .csv", candidates=HISTORY_FILES)
     frame = history_frame(path)
-    try:
+    with replacing(file, ModelError) as opened:
         if suffix == ".csv":
-            frame.to_csv(file, index=False, lineterminator="\n")
+            frame.to_csv(opened, index=False, lineterminator="\n")
         else:
-            frame.to_parquet(file, index=False)
-    except OSError as error:
-        raise ModelError(f"{file}: cannot be written ({(error.strerror or str(error)).lower()})") from None
+            frame.to_parquet(opened, index=False)
 
 
 _KINDS = ("strut", "cable", "clustered cable")

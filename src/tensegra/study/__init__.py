@@ -1,7 +1,7 @@
 """study: what is varied and wanted, how it is sampled, and the campaign of all its runs."""
 
+from tensegra.files import replacing
 from tensegra.study.analyses import AnalysisEntry, SurrogateEntry
-from tensegra.study.atomic import replacing
 from tensegra.study.campaign import Campaign, CampaignState, open_campaign
 from tensegra.study.cost import Probe, probe
 from tensegra.study.data import TrainingData

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegra.errors import StudyError
+from tensegra.presented import Presented
 from tensegra.savable import Savable
 from tensegra.study.data import TrainingData
 from tensegra.study.derivatives import derivative_name
@@ -75,7 +76,7 @@ class CampaignState:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Campaign(Savable):
+class Campaign(Presented, Savable):
     """The runs of a study that are in a folder, be it finished or not.
 
     Attributes
@@ -126,6 +127,10 @@ class Campaign(Savable):
         ordered = frame.iloc[rows[points]]
         ordered.index = points
         return ordered.rename_axis(index="point")
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return all rows that there are; see `frame`."""
+        return self.frame()
 
     def select(self, frame: "pd.DataFrame | None" = None, *, compare: bool = True) -> Selection:
         """Select the runs to learn from, as the study says; see `tensegra.study.select`."""
@@ -216,7 +221,9 @@ class Campaign(Savable):
         )
 
     def __repr__(self) -> str:
-        return f"Campaign({str(self.folder)!r}: {self.study.name!r})"
+        study = self.study
+        names = ", ".join(study.input_names), ", ".join(output.name for output in study.outputs)
+        return f"Campaign({str(self.folder)!r}: {study.name!r}; {study.n_points} points, {' → '.join(names)})"
 
 
 def _rate(driver: Driver) -> float:

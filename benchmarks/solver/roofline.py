@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegra.benchmark.kernel_times import Pack, fused_rate, kernel_seconds, matrix_product_rate
-from tensegra.benchmark.timing import REFERENCE, Spread, blas_in_words, cholesky_seconds
+from benchmarks.solver.kernel_times import Pack, fused_rate, kernel_seconds, matrix_product_rate
+from benchmarks.solver.timing import REFERENCE, Spread, blas_in_words, cholesky_seconds
 from tensegra.mechanics.pattern import Pattern
 from tensegra.report.tables import Table
 from tensegra.structure import Structure

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from tensegra.benchmark.batches import beam_designs, solve
-from tensegra.benchmark.timing import Spread, Stopwatch, exponent, interleaved, one_blas_thread
+from benchmarks.solver.batches import beam_designs, solve
+from benchmarks.solver.timing import Spread, Stopwatch, exponent, interleaved, one_blas_thread
 from tensegra.mechanics import Status, solve_batch, solve_path
 from tensegra.report.tables import Table
 from tensegra.structure import Structure, library

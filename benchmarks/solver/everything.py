@@ -8,12 +8,12 @@ from importlib.metadata import version
 from math import isfinite
 from typing import Any
 
-from tensegra.benchmark.batches import Batches, measure_batches
-from tensegra.benchmark.growth import Growth, measure_path_growth, measure_run_growth, measure_stage_growth
-from tensegra.benchmark.peers import Peers, measure_peers
-from tensegra.benchmark.processes import FirstCall, Memory, measure_first_call, measure_memory
-from tensegra.benchmark.roofline import Roofline, measure_roofline
-from tensegra.benchmark.timing import n_cores
+from benchmarks.solver.batches import Batches, measure_batches
+from benchmarks.solver.growth import Growth, measure_path_growth, measure_run_growth, measure_stage_growth
+from benchmarks.solver.peers import Peers, measure_peers
+from benchmarks.solver.processes import FirstCall, Memory, measure_first_call, measure_memory
+from benchmarks.solver.roofline import Roofline, measure_roofline
+from benchmarks.solver.timing import n_cores
 from tensegra.report.pipeline import Listener, deaf
 from tensegra.report.tables import Table
 from tensegra.structure import library

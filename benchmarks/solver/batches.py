@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from tensegra.benchmark.timing import REFERENCE, Spread, Timed, blas_in_words, interleaved
+from benchmarks.solver.timing import REFERENCE, Spread, Timed, blas_in_words, interleaved
 from tensegra.mechanics import Batch, solve_batch
 from tensegra.mechanics.arrays import FloatArray
 from tensegra.report.tables import Table

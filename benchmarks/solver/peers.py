@@ -15,7 +15,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from tensegra.benchmark.timing import Stopwatch, one_blas_thread
+from benchmarks.solver.timing import Stopwatch, one_blas_thread
 from tensegra.exchange.mujoco_write import model_of
 from tensegra.exchange.scene import scene_of
 from tensegra.mechanics import EquilibriumPath, solve_path

@@ -29,7 +29,7 @@ def first_call() -> dict[str, tuple[float, float]]:
 
 def memory(n_runs: int, threads: int) -> dict[str, int]:
     """Return the bytes that a batch of the five-variable design needs."""
-    from tensegra.benchmark.batches import beam_designs, solve
+    from benchmarks.solver.batches import beam_designs, solve
 
     solve(beam_designs(16)["five"], threads)
     design = beam_designs(n_runs)["five"]

@@ -16,6 +16,9 @@ __all__ = ["FirstCall", "Memory", "measure_first_call", "measure_memory"]
 
 MIB = 2.0**20
 
+ROOT = Path(__file__).parents[2]
+"""The folder in which the package `benchmarks` lies."""
+
 
 @dataclass(frozen=True)
 class FirstCall:
@@ -93,9 +96,10 @@ def measure_memory(n_runs: int, threads: int) -> Memory:
 
 
 def _in_fresh_process(arguments: list[str], cache: str | None = None) -> dict[str, Any]:
-    """Run `fresh` by its path: by its name, the packages above it would be imported before it."""
-    environment = os.environ | ({} if cache is None else {"NUMBA_CACHE_DIR": cache})
-    command = [sys.executable, "-P", str(Path(__file__).with_name("fresh.py")), *arguments]
-    done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)  # noqa: S603 - this package
+    """Run `fresh` by its name; the packages above it import nothing, so its clock sees all."""
+    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    environment = os.environ | {"PYTHONPATH": path} | ({} if cache is None else {"NUMBA_CACHE_DIR": cache})
+    command = [sys.executable, "-P", "-m", "benchmarks.solver.fresh", *arguments]
+    done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)
     found: dict[str, Any] = json.loads(done.stdout)
     return found

@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from tensegra.benchmark.timing import one_blas_thread
+from benchmarks.solver.timing import one_blas_thread
 from tensegra.mechanics import kernels, step
 from tensegra.mechanics.arrays import FloatArray
 from tensegra.mechanics.compiled import njit
