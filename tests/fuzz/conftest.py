@@ -1,5 +1,6 @@
 """Helpers of the fuzzers are modules beside them; every example has a limit of time."""
 
+import contextlib
 import faulthandler
 import signal
 import sys
@@ -11,20 +12,21 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _kernels():
-    """Compile before any limit of time runs, which is meant for a file."""
-    from tensegra.mechanics import solve_path
-    from tensegra.report.check import check_structure
-    from tensegra.structure import library
+def _warm(tmp_path_factory):
+    """Compile and import what the sound files need before any limit of time runs, which is meant for a file.
 
-    check_structure(library.von_mises_truss())
-    solve_path(library.prism(), {"top": 0.01})
+    A limit that ended an import in its middle would leave a broken module to all files after it.
+    """
+    import test_fuzz
+
+    with contextlib.chdir(tmp_path_factory.mktemp("warm")):
+        test_fuzz.warm()
 
 
 @pytest.fixture(autouse=True)
 def _last_resort():
     """Let nothing hang for ever: compiled code does not look at signals."""
-    before = signal.getsignal(signal.SIGALRM)
+    before = signal.getsignal(signal.SIGPROF)
     yield
-    signal.signal(signal.SIGALRM, before)
+    signal.signal(signal.SIGPROF, before)
     faulthandler.cancel_dump_traceback_later()

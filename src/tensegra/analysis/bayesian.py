@@ -16,15 +16,15 @@ point has nothing more to say; expected improvement then proposes instead, which
 greedy UCB (ξ = 0.01) from spending its evaluations on one local optimum.
 """
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.analysis.compiled import minimise
+from tensegra.analysis.cubeprocess import fit_process
 from tensegra.analysis.manystarts import Ends
 from tensegra.analysis.problem import FEASIBLE, Assessment, Problem, Recorder
 from tensegra.errors import StudyError
@@ -44,10 +44,6 @@ N_CANDIDATES = 2000
 N_REFINED = 4
 # Draws of the outputs where the formula is not simply an output.
 N_DRAWS = 64
-# Length scales in the unit cube. The upper end is a prior, not a convenience: from a handful of points
-# maximum likelihood likes to believe that an input has no influence, and the search then never moves it. (On
-# Hartmann-3 in 40 evaluations the median regret fell from 8e-3 to 2e-6 when it came down from 20 to 2.)
-LENGTH_SCALES = (0.05, 2.0)
 # Two points of the unit cube closer than this are the same to the process; it would learn nothing.
 SAME_POINT = 1e-4
 
@@ -138,10 +134,10 @@ class BayesianOptimiser:
             return self._point(self._snapped(rng.random((1, self.problem.n_inputs)))[0])
         Z = self.problem.to_unit(self.X)
         self._processes = [
-            _fit(Z[valid], self.outputs[valid, column], rng, theta)
+            fit_process(Z[valid], self.outputs[valid, column], rng, theta)
             for column, theta in zip(self._columns, self.thetas, strict=True)
         ]
-        self.thetas = [process.regressor.kernel_.theta for process in self._processes]
+        self.thetas = [process.theta for process in self._processes]
         return self._point(self._propose(Z, valid, rng))
 
     def tell(self, x: Array, outputs: Array) -> None:
@@ -300,63 +296,6 @@ class _State:
     worst: float
     spread: float
     normals: Array
-
-
-@dataclass(frozen=True)
-class _Process:
-    """A fitted Gaussian process of one output over the unit cube."""
-
-    regressor: Any
-    shift: float
-    scale: float
-
-    def predict(self, Z: Array) -> tuple[Array, Array]:
-        """Return mean and standard deviation (n,)."""
-        from scipy.linalg import solve_triangular
-
-        kernel = self.regressor.kernel_
-        cross = kernel(Z, self.regressor.X_train_)
-        whitened = solve_triangular(self.regressor.L_, cross.T, lower=True, check_finite=False)
-        variance = np.maximum(kernel.diag(Z) - np.einsum("ij,ij->j", whitened, whitened), 1e-14)
-        return self.shift + self.scale * (cross @ self.regressor.alpha_), self.scale * np.sqrt(variance)
-
-
-def _fit(Z: Array, y: Array, rng: np.random.Generator, before: Array | None) -> _Process:
-    """Fit a process with a length scale per input by maximum likelihood, from the last fit and afresh."""
-    from sklearn.exceptions import ConvergenceWarning
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import RBF, ConstantKernel
-
-    shift, scale = float(y.mean()), float(y.std()) or 1.0
-    kernel = ConstantKernel(1.0, (1e-3, 1e4)) * RBF(np.full(Z.shape[1], 0.5), LENGTH_SCALES)
-
-    def fit_theta(objective: Callable[..., Any], theta: Array, bounds: Array) -> tuple[Array, float]:
-        pairs = [(float(low), float(high)) for low, high in bounds]
-        result = minimise(objective, theta, method="L-BFGS-B", bounds=pairs, options={"ftol": 1e-6})
-        return result.x, float(result.fun)
-
-    starts = kernel if before is None else kernel.clone_with_theta(before)
-    for jitter in (1e-10, 1e-8, 1e-6):
-        regressor = GaussianProcessRegressor(
-            starts,
-            alpha=jitter,
-            optimizer=fit_theta,
-            n_restarts_optimizer=1,
-            random_state=int(rng.integers(2**31)),
-        )
-        try:
-            with warnings.catch_warnings():
-                # A length scale at its bound is an answer (an input without influence), not a failure.
-                warnings.filterwarnings(
-                    "ignore", message="The optimal value found", category=ConvergenceWarning
-                )
-                regressor.fit(Z, (y - shift) / scale)
-        except np.linalg.LinAlgError:
-            continue
-        return _Process(regressor, shift, scale)
-    raise StudyError(
-        "optimisation: the Gaussian process could not be fitted, its points are too close together"
-    )
 
 
 def _candidates(best: Array, rng: np.random.Generator) -> Array:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ class Estimate:
 
 
 def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+    return float(value) if isfinite(value) else None
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - it converts whatever a result holds
@@ -46,14 +47,15 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - it converts whatever a result ho
     >>> plain({"a": np.array([1.0, np.nan]), "b": Estimate(2.0)})
     {'a': [1.0, None], 'b': {'value': 2.0, 'low': None, 'high': None}}
     """
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+    # A result is a hundred thousand numbers: they come first.
+    if isinstance(value, float):
+        return _finite(value)
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if hasattr(value, "to_dict"):
         return plain(value.to_dict())
-    if isinstance(value, float):
-        return _finite(value)
     return value if isinstance(value, bool | int | str | None) else str(value)

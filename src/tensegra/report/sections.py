@@ -8,7 +8,7 @@ import numpy as np
 from tensegra.mechanics import solve_batch
 from tensegra.report import figures
 from tensegra.report.analysis_tables import analysis_tables, grouped
-from tensegra.report.figures.panels import choose_panels
+from tensegra.report.figures.panels import choose_panels, constant_note, varying
 from tensegra.report.report import Figure, Section
 from tensegra.report.results import Results, StoredAnalysis
 from tensegra.report.study_tables import (
@@ -186,12 +186,16 @@ class Writer:
         content = group[0].content
         laws = "; ".join(f"{name} {law}" for name, law in content["laws"].items())
         section.paragraphs.append(f"Propagation of random inputs: {laws}.")
-        self._add(
-            section,
-            f"{section.title}: inputs and outputs",
-            "Above the inputs as drawn; below the outputs, histograms and kernel densities.",
-            figures.propagation_figure(content),
-        )
+        content, constant = varying(content)
+        if constant:
+            section.paragraphs.append(constant_note(constant))
+        if content["outputs"]:
+            self._add(
+                section,
+                f"{section.title}: inputs and outputs",
+                "Above the inputs as drawn; below the outputs, histograms and kernel densities.",
+                figures.propagation_figure(content),
+            )
 
     def _sensitivity(self, section: Section, group: Sequence[StoredAnalysis]) -> None:
         content = group[0].content
@@ -200,6 +204,9 @@ class Writer:
             for output, found in content["indices"].items()
             if found["reason"]
         ]
+        content, _ = varying(content)
+        if not content["indices"]:
+            return
         drawing = figures.index_figure(content)
         text = "First order and total, with their intervals."
         self._add(section, f"{section.title}: Sobol indices", text, drawing)
@@ -212,10 +219,13 @@ class Writer:
     def _screening(self, section: Section, group: Sequence[StoredAnalysis]) -> None:
         content = group[0].content
         section.paragraphs += [
-            f"{output}: no effects, {found['reason']}."
+            f"{output}: no effects, {found['reason'] or 'the output does not vary'}."
             for output, found in content["effects"].items()
-            if found["reason"]
+            if found["reason"] or not any(found["mu_star"])
         ]
+        content, _ = varying(content)
+        if not content["effects"]:
+            return
         text = "μ* says how much an input matters; where σ is as large, its effect depends on the others."
         self._add(section, f"{section.title}: elementary effects", text, figures.screening_figure(content))
 
@@ -234,7 +244,9 @@ class Writer:
         section.paragraphs += [f"Errors and random inputs: {laws}.", f"{_sentence(content['reason'])}."]
         text = "Histograms by the model"
         text += ", densities by the true model (dashed)." if content["spreads"]["robust"]["other"] else "."
-        self._add(section, f"{section.title}: outcomes", text, figures.robust_figure(content))
+        names = figures.robust_panels(content)
+        if names:
+            self._add(section, f"{section.title}: outcomes", text, figures.robust_figure(content, names))
 
     def _inverse(self, section: Section, group: Sequence[StoredAnalysis]) -> None:
         content = group[0].content

@@ -171,7 +171,9 @@ def test_the_axes_name_their_units(contents):
         return {axes.get_xlabel() for axes in drawing.axes} | {axes.get_ylabel() for axes in drawing.axes}
 
     assert "effect on T_K1 [kN]" in labels(figures.screening_figure(contents["morris"]))
-    assert {"w [cm]", "margin of v <= 2 [cm]"} <= labels(figures.robust_figure(contents["robust"]))
+    robust = contents["robust"]
+    panels = figures.robust_panels(robust)
+    assert {"w [cm]", "margin of v <= 2 [cm]"} <= labels(figures.robust_figure(robust, panels))
     assert {"w − target [cm]", "waypoint"} <= labels(figures.trajectory_figure(contents["inverse"]))
     calibration = contents["calibration"]
     assert "prestress" in labels(figures.marginal_figure(calibration))
@@ -182,7 +184,7 @@ def test_the_axes_name_their_units(contents):
 def test_inputs_that_stand_fixed_are_left_out_of_the_visits(asked):
     lift = [stored for stored in asked.analyses if stored.kind == "optimisation"]
     drawing = figures.visited_figure([s.content for s in lift], [s.trace() for s in lift])
-    assert [axes.get_xlabel() for axes in drawing.axes] == ["A14", "A23", "objective"]
+    assert [axes.get_xlabel() for axes in drawing.axes] == ["A14", "A23", "objective [cm]"]
 
 
 def test_what_the_posterior_predicts_is_narrower_than_the_prior(contents):

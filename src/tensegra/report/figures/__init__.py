@@ -12,6 +12,7 @@ from tensegra.report.figures.questions import (
     marginal_figure,
     prediction_figure,
     robust_figure,
+    robust_panels,
     screening_figure,
     trajectory_figure,
 )
@@ -72,6 +73,7 @@ __all__ = [
     "prediction_figure",
     "propagation_figure",
     "robust_figure",
+    "robust_panels",
     "screening_figure",
     "search_figure",
     "selection_figure",

@@ -16,13 +16,16 @@ from tensegra.study.space import Space
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["MOST_PANELS", "Panels", "choose_panels", "first_shown", "strongest"]
+__all__ = ["MOST_PANELS", "Panels", "choose_panels", "constant_note", "first_shown", "strongest", "varying"]
 
 MOST_PANELS = 6
 """Variables, and outputs, that one figure shows: as many as are still read at the width of a page."""
 
 MOST_RANKED = 2000
 """Runs that tell which variables matter; as many more change nothing that is seen."""
+
+ROUNDING = 1e-12
+"""Of an output's magnitude: what scatters less does not vary; a surrogate of a constant rounds."""
 
 Value = TypeVar("Value")
 
@@ -63,7 +66,7 @@ class Panels:
                 f"first: {', '.join(self.outputs)}."
             )
         if self.constant:
-            notes.append(f"No figure of what does not vary: {', '.join(self.constant[:MOST_PANELS])}.")
+            notes.append(constant_note(self.constant))
         return notes
 
     def of(self, study: Study) -> Study:
@@ -110,6 +113,46 @@ def strongest(strength: np.ndarray, most: int) -> list[int]:
 def first_shown(items: Mapping[str, Value], most: int = MOST_PANELS) -> dict[str, Value]:
     """Return the first items of a mapping, as many as a figure has panels for."""
     return dict(list(items.items())[:most])
+
+
+def varying(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Return what an analysis found of outputs that vary, and the names of those that do not.
+
+    Parameters
+    ----------
+    content
+        Of a propagation, of Sobol' indices, of elementary effects or of one spread of a robust optimum.
+
+    Examples
+    --------
+    >>> effect = {"reason": "", "mu_star": [0.0, 2.0]}
+    >>> varying({"effects": {"w": effect, "v": effect | {"mu_star": [0.0, 0.0]}}})
+    ({'effects': {'w': {'reason': '', 'mu_star': [0.0, 2.0]}}}, ['v'])
+    """
+    key = next(key for key in ("outputs", "indices", "effects") if key in content)
+    other = (content.get("other") or {}).get("outputs", {})
+    kept = {
+        name: found
+        for name, found in content[key].items()
+        if _varies(found) or (name in other and _varies(other[name]))
+    }
+    only = dict(content) | {key: kept}
+    if "convergence" in content:
+        only["convergence"] = {name: steps for name, steps in content["convergence"].items() if name in kept}
+    return only, [name for name in content[key] if name not in kept]
+
+
+def constant_note(names: Sequence[str]) -> str:
+    """Return the sentence on outputs that no figure shows."""
+    return f"No figure of what does not vary: {', '.join(names[:MOST_PANELS])}."
+
+
+def _varies(found: Mapping[str, Any]) -> bool:
+    """Tell whether a summary has a width, or whether there are indices or effects at all."""
+    if "statistics" in found:
+        mean, std = (found["statistics"][key]["value"] or 0.0 for key in ("mean", "std"))
+        return bool(std > ROUNDING * abs(mean))
+    return not found["reason"] and any(found.get("mu_star", [1.0]))
 
 
 def _named_outputs(study: Study) -> Collection[str]:

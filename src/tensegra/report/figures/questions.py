@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensegra.report.figures.analysis import density_label, histogram, numbers, unit_of
-from tensegra.report.figures.panels import MOST_PANELS, first_shown, strongest
+from tensegra.report.figures.panels import MOST_PANELS, first_shown, strongest, varying
 from tensegra.report.figures.style import COLOURS, GREY, WIDTH, figure, grid, legend_above, styled
 from tensegra.report.tables import labelled
 
@@ -19,6 +19,7 @@ __all__ = [
     "marginal_figure",
     "prediction_figure",
     "robust_figure",
+    "robust_panels",
     "screening_figure",
     "trajectory_figure",
 ]
@@ -65,11 +66,16 @@ def screening_figure(content: Content) -> "Figure":
     return made
 
 
-@styled
-def robust_figure(content: Content) -> "Figure":
-    """Draw what comes of the robust and of the nominal design: the objective and each constraint's margin."""
+def robust_panels(content: Content) -> list[str]:
+    """Return the objective and the margins that vary at one design or the other, as many as find room."""
     names = [content["formula"], *(f"margin of {constraint}" for constraint in content["constraints"])]
-    names = names[:MOST_PANELS]
+    moving = {name for design in content["spreads"].values() for name in varying(design)[0]["outputs"]}
+    return [name for name in names if name in moving][:MOST_PANELS]
+
+
+@styled
+def robust_figure(content: Content, names: Sequence[str]) -> "Figure":
+    """Draw what comes of the robust and of the nominal design, a panel for each of `robust_panels`."""
     made, panels = grid(len(names), height=2.5)
     for axes, name in zip(panels, names, strict=True):
         for colour, design in zip(COLOURS, ("robust", "nominal"), strict=False):

@@ -180,7 +180,14 @@ def pdf(made: "Figure") -> bytes:
 def _saved(made: "Figure", form: str, metadata: dict[str, Any]) -> bytes:
     from matplotlib import rc_context
 
-    buffer = BytesIO()
+    buffer, layout = BytesIO(), made.get_layout_engine()
     with rc_context({"svg.hashsalt": _STYLE["svg.hashsalt"], "savefig.dpi": _STYLE["savefig.dpi"]}):
-        made.savefig(buffer, format=form, metadata=metadata)
+        if layout is not None:
+            # Left to itself matplotlib draws everything once for the layout alone, and then again.
+            layout.execute(made)
+            made.set_layout_engine("none")
+        try:
+            made.savefig(buffer, format=form, metadata=metadata)
+        finally:
+            made.set_layout_engine(layout)
     return buffer.getvalue()
