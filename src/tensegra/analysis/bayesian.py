@@ -51,9 +51,8 @@ SAME_POINT = 1e-4
 class BayesianOptimiser:
     """Ask for a point, evaluate it, tell the outputs; repeat.
 
-    Everything it proposes follows from what it was told, its seed and the hyperparameters of its last fit,
-    `thetas`; `tensegra.analysis.searchfile` keeps them, and a search that is resumed goes on as if it had
-    never stopped.
+    Everything it proposes follows from what it was told and its seed, so that a search that is resumed
+    (`tensegra.analysis.searchfile`) goes on as if it had never stopped.
 
     Parameters
     ----------
@@ -112,7 +111,6 @@ class BayesianOptimiser:
         self._initial = self._snapped(initial[:n_initial])
         self.X = np.zeros((0, problem.n_inputs))
         self.outputs = np.zeros((0, len(problem.model.output_names)))
-        self.thetas: list[Array | None] = [None] * len(self._columns)
 
     @property
     def n_initial(self) -> int:
@@ -134,10 +132,8 @@ class BayesianOptimiser:
             return self._point(self._snapped(rng.random((1, self.problem.n_inputs)))[0])
         Z = self.problem.to_unit(self.X)
         self._processes = [
-            fit_process(Z[valid], self.outputs[valid, column], rng, theta)
-            for column, theta in zip(self._columns, self.thetas, strict=True)
+            fit_process(Z[valid], self.outputs[valid, column], rng) for column in self._columns
         ]
-        self.thetas = [process.theta for process in self._processes]
         return self._point(self._propose(Z, valid, rng))
 
     def tell(self, x: Array, outputs: Array) -> None:

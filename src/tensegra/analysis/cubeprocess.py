@@ -64,7 +64,7 @@ class CubeProcess:
         return self.shift + self.scale * (cross @ self.weights), self.scale * np.sqrt(variance)
 
 
-def fit_process(Z: Array, y: Array, rng: np.random.Generator, before: Array | None) -> CubeProcess:
+def fit_process(Z: Array, y: Array, rng: np.random.Generator) -> CubeProcess:
     """Fit a process with a length scale per input by maximum likelihood.
 
     Parameters
@@ -72,16 +72,15 @@ def fit_process(Z: Array, y: Array, rng: np.random.Generator, before: Array | No
     Z, y
         Points (n, n_inputs) of the unit cube and the output there (n,).
     rng
-        Source of a start at random.
-    before
-        θ of the fit before, a start too; None for the first fit.
+        Source of the second start.
     """
     shift, scale = float(y.mean()), float(y.std()) or 1.0
     t = (y - shift) / scale
     bounds = [(log(low), log(high)) for low, high in (AMPLITUDES, *[LENGTH_SCALES] * Z.shape[1])]
     first = np.r_[0.0, np.full(Z.shape[1], log(FIRST_LENGTH_SCALE))]
-    # The likelihood of a few points has several peaks; the last fit alone would stay on its own.
-    starts = [first, rng.uniform(*np.array(bounds).T), *([] if before is None else [before])]
+    # Not from the fit before: the likelihood of a few points has several peaks, and one found early, where an
+    # input seemed to have no influence, would be kept.
+    starts = [first, rng.uniform(*np.array(bounds).T)]
     squares = (Z[:, None, :] - Z) ** 2
     for jitter in JITTERS:
 

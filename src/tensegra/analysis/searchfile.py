@@ -34,7 +34,6 @@ def save_search(optimiser: BayesianOptimiser, path: Path) -> None:
         "n_initial": optimiser.n_initial,
         "x": optimiser.X.tolist(),
         "outputs": plain(optimiser.outputs),  # a failed run is null
-        "thetas": plain(list(optimiser.thetas)),
     }
     write_json(path, content, StudyError)
 
@@ -75,7 +74,6 @@ def load_search(
     for x, outputs in zip(content["x"], content["outputs"], strict=True):
         told = [np.nan if value is None else value for value in outputs]
         optimiser.tell(np.array(x), np.array(told))
-    optimiser.thetas = [None if theta is None else np.array(theta) for theta in content["thetas"]]
     return optimiser
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from tensegra.mechanics import solve_path
 from tensegra.report import figures
-from tensegra.report.figures.panels import MOST_PANELS, choose_panels
+from tensegra.report.figures.panels import MOST_PANELS, choose_panels, varying
 from tensegra.structure import library
 from tensegra.study import parse_study, select
 
@@ -234,3 +234,40 @@ def test_figures_of_analyses_have_a_bounded_number_of_panels(n):
 
 def test_a_figure_is_had_as_pdf_too(drawings):
     assert figures.pdf(drawings["outcome"]).startswith(b"%PDF")
+
+
+def test_no_analysis_draws_an_output_that_does_not_vary(small_study, tmp_path):
+    from tensegra.report.pipeline import carry_out
+    from tensegra.report.report import build_report
+
+    outputs = {
+        "w": {"displacement": "z", "nodes": [18, 23]},
+        "still": {"displacement": "z", "nodes": [1]},  # a support
+    }
+    asked = [
+        {"propagation": {"name": "Scatter", "model": "truth", "samples": 8}},
+        {"propagation": {"name": "Still", "model": "truth", "samples": 8, "outputs": ["still"]}},
+        {"sensitivity": {"name": "Shares", "model": "truth", "samples": 8}},
+        {"morris": {"name": "Screening", "model": "truth", "trajectories": 4}},
+    ]
+    study = small_study(
+        outputs=outputs, surrogates={}, analyses=asked, design={"sampler": "sobol", "sizes": 8}
+    )
+    results = carry_out(study, tmp_path / "campaign", workers=1)
+    sections = {section.title: section for section in build_report(results).sections}
+    scatter, still = sections["Scatter"], sections["Still"]
+    assert len(scatter.figures) == 1
+    assert any("does not vary: still" in text for text in scatter.paragraphs)
+    assert still.figures == []
+    assert any("does not vary: still" in text for text in still.paragraphs)
+    for name in ("Shares", "Screening"):
+        section = sections[name]
+        assert section.figures, name
+        assert any(text.startswith("still: no") for text in section.paragraphs), name
+    for stored in results.analyses:
+        content, constant = varying(stored.content)
+        assert constant == ["still"]
+        if stored.name == "Scatter":
+            drawn = {axes.get_xlabel() for axes in figures.propagation_figure(content).axes}
+            assert "w [cm]" in drawn
+            assert not any("still" in label for label in drawn)

@@ -108,3 +108,39 @@ def test_a_slip_of_units_is_asked_about(changes, told):
 def test_the_library_has_no_slip(name):
     result = check_structure(getattr(library, name)())
     assert [slip for slip in result.slips if not slip.startswith("No support")] == []
+
+
+def test_the_verdict_on_utilisation_is_that_of_the_member_nearest_to_its_strength():
+    result = hanger(member={"strength": 25})
+    tension = result.members[0].tension
+    assert tension == pytest.approx(20 + 78.5e-6 * 200)  # kN, half of its weight hangs below
+    used = 100 * tension / 25
+    assert f"Highest utilisation {used:.3g} %, of member c." in check_lines(result)
+    table = member_table(result)
+    column = next(i for i, name in enumerate(table.header) if "tilisation" in name or "sed" in name)
+    assert float(table.rows[0][column].rstrip(" %")) == pytest.approx(used, rel=5e-3)
+    assert not any("utilisation" in line for line in check_lines(check_structure(library.prism())))
+
+
+FREE = {
+    "all": ({}, {f"{kind} {axis}" for kind in ("translation along", "rotation about") for axis in "xyz"}),
+    "a hinge about x": ({"a": "xyz", "b": "yz"}, {"rotation about x"}),
+    "a slide along x": (
+        {"a": "yz", "b": "yz", "c": "z"},
+        {"translation along x"},
+    ),
+    "none": ({"a": "xyz", "b": "yz", "c": "z"}, set()),
+}
+
+
+@pytest.mark.parametrize(("supports", "free"), FREE.values(), ids=FREE)
+def test_check_names_the_rigid_motions_that_the_supports_leave(supports, free):
+    nodes = {"a": [0, 0, 0], "b": [2, 0, 0], "c": [1, 1.5, 0], "d": [1, 0.5, 1.2]}
+    pairs = [first + second for first in nodes for second in nodes if first < second]
+    members = {pair: {"kind": "strut", "nodes": list(pair), "stiffness": 100} for pair in pairs}
+    content = {"nodes": nodes, "members": members, "supports": supports}
+    result = check_structure(parse_structure(content))
+    named = [slip for slip in result.to_dict()["warnings"] if slip.startswith("Neither supports")]
+    assert {motion for slip in named for motion in slip.partition(": ")[2].split(", ")} == free
+    said = [line for line in check_lines(result) if line.startswith("Warning: Neither supports")]
+    assert len(said) == bool(free)

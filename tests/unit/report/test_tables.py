@@ -117,7 +117,13 @@ def test_positions_and_tensions_have_one_name_in_every_table(path, tmp_path):
     assert list(pd.read_parquet(tmp_path / "path.parquet")) == frame
     assert list(pd.read_csv(tmp_path / "path.csv")) == frame
     field = field_runs(solve_batch(structure, actuation={"A14": [0.01, 0.02]}))
-    assert [name for name in frame if "_" in name] == list(field.runs.output_names)
+    named = list(field.runs.output_names)
+    assert [name for name in frame if "_" in name] == named
+    own = path.to_dataframe()
+    # Its slack_<member> is a table's own column: whether, not how much.
+    assert [name for name in own if name.partition("_")[0] in {*"xyz", "T"}] == named
+    for name in named:
+        assert own[name].tolist() == history_frame(path)[name].tolist()
 
 
 @pytest.mark.parametrize("name", ["path.parquet", "path.csv"])
