@@ -247,7 +247,7 @@ def test_no_analysis_draws_an_output_that_does_not_vary(small_study, tmp_path):
     asked = [
         {"propagation": {"name": "Scatter", "model": "truth", "samples": 8}},
         {"propagation": {"name": "Still", "model": "truth", "samples": 8, "outputs": ["still"]}},
-        {"sensitivity": {"name": "Shares", "model": "truth", "samples": 8}},
+        {"sensitivity": {"name": "Shares", "model": "truth", "samples": 64}},
         {"morris": {"name": "Screening", "model": "truth", "trajectories": 4}},
     ]
     study = small_study(
