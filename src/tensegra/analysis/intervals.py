@@ -244,12 +244,11 @@ def _ranks(n: int, probability: float, confidence: float) -> tuple[int, int]:
     reach = 8.0 * np.sqrt(n * probability * (1.0 - probability)) + 20.0
     below = np.arange(max(int(n * probability - reach), 0), min(int(n * probability + reach) + 1, n) + 1)
     mass = binom.pmf(below, n, probability)
-    first, last, total = 0, below.size - 1, float(mass.sum())
-    while first < last and total - min(mass[first], mass[last]) >= confidence:
-        at_low = mass[first] <= mass[last]
-        total -= float(min(mass[first], mass[last]))
-        first, last = (first + 1, last) if at_low else (first, last - 1)
-    return int(below[first]), int(below[last]) + 1
+    # The masses rise to one peak and fall, so what is left without the least of them has no gap.
+    rising = np.argsort(mass, kind="stable")
+    left = mass.sum() - np.cumsum(mass[rising])
+    kept = below[rising[min(np.count_nonzero(left >= confidence), below.size - 1) :]]
+    return int(kept.min()), int(kept.max()) + 1
 
 
 def _inverted(

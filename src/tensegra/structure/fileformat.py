@@ -188,9 +188,10 @@ def _spread_over_groups(
     set_by: dict[str, str] = {}
     for name, value in values.items():
         for member in groups.get(name, [name]):
-            if spread.setdefault(member, value) != value:
+            if member in spread and spread[member] != value:
                 expected = f"one value for member {member!r}, which {set_by[member]!r} sets too"
                 raise InvalidStructureError.of([Problem((*place, name), value, expected)])
+            spread[member] = value
             set_by.setdefault(member, name)
     return spread
 

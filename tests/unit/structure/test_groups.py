@@ -40,6 +40,14 @@ def test_two_values_of_one_member_are_refused(key):
         parse_structure({**CONTENT, "stages": [{key: {"outer": 0.25, "left": 0.5}}]})
 
 
+@pytest.mark.parametrize("name", ["a", "outer"])
+@pytest.mark.parametrize("key", ["rest_length_changes", "rest_lengths"])
+def test_what_is_no_number_is_refused_as_such(key, name):
+    # NaN differs from itself, which must not be taken for two values.
+    with pytest.raises(ModelError, match=rf"stages\[0\]\.{key}\.\w+: found nan, expected"):
+        parse_structure({**CONTENT, "stages": [{key: {name: float("nan")}}]})
+
+
 def test_a_member_that_an_actuator_has_twice_is_refused():
     actuators = {"A": {"members": ["outer", "a"], "effect": "shorten"}}
     with pytest.raises(ModelError, match=r"actuators\.A\.members\[2\]: found 'a', expected each member once"):
