@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.analysis.inputs import RandomInputs, random_inputs
-from tensegra.analysis.model import Evaluation, Model, as_model, column_index, n_outside
+from tensegra.analysis.model import Evaluation, Model, SurrogateModel, as_model, column_index, n_outside
 from tensegra.analysis.results import Estimate, plain
 from tensegra.analysis.sketch import Sketch
 from tensegra.analysis.summary import Summary, summarise
@@ -27,9 +27,10 @@ Array = NDArray[np.float64]
 
 METHODS = ("monte_carlo", "quasi_monte_carlo")
 
-# Points per call of the model: large enough to hide its overhead, small enough for a kernel matrix of 10,000
-# training points (0.3 GB) to fit.
+# Points per call: of a model that solves, as many as take some seconds, so that progress is seen; of a
+# surrogate, which works block by block itself, as many as hide what each call costs beside it.
 CHUNK = 4096
+CHUNK_OF_SURROGATES = 16_384
 # Independent randomisations of the quasi-random points: with 16 the interval of a lognormal output's standard
 # deviation holds in 88 %, with 32 in 95 % (`benchmarks/coverage.py`).
 REPLICATES = 32
@@ -186,7 +187,7 @@ def propagate(
     seed: int = 0,
     confidence: float = 0.95,
     name: str = "propagation",
-    chunk: int = CHUNK,
+    chunk: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Propagation:
     """Push random inputs through a model and summarise the outputs.
@@ -213,7 +214,8 @@ def propagate(
     seed, confidence, name
         Of the random numbers; of all intervals; of the result.
     chunk
-        Points per call of the model.
+        Points per call of the model; left out, 4,096, or 16,384 where only surrogates are asked. It changes
+        no result.
     progress
         Called with (samples done, samples in all).
 
@@ -239,6 +241,9 @@ def propagate(
         raise StudyError.at("propagation.samples", samples, "at least 2")
     if not 0.0 < confidence < 1.0:
         raise StudyError.at("propagation.confidence", confidence, "a level between 0 and 1")
+    if chunk is None:
+        solved = not all(isinstance(each, SurrogateModel) for each in (first, second or first))
+        chunk = CHUNK if solved else CHUNK_OF_SURROGATES
     laws = random_inputs(first, inputs)
     wanted = tuple(outputs or first.output_names)
     extras = _Extras.of(wanted, quantiles, limits or {})
