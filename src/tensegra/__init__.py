@@ -8,6 +8,8 @@
 
 from typing import TYPE_CHECKING, Any
 
+from tensegra.savable import register as _register
+
 if TYPE_CHECKING:
     from tensegra.analysis import (
         Calibration,
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
         sobol_indices,
     )
     from tensegra.errors import ModelError, SolverError, StudyError, TensegraError
+    from tensegra.exchange import read_structure
     from tensegra.mechanics import (
         Batch,
         EquilibriumPath,
@@ -44,7 +47,6 @@ if TYPE_CHECKING:
         apply_changes,
         library,
         parse_structure,
-        read_structure,
         write_structure,
     )
     from tensegra.study import Campaign, Study, TrainingData, open_campaign, parse_study, read_study
@@ -109,9 +111,9 @@ _HOMES = {
         "apply_changes",
         "library",
         "parse_structure",
-        "read_structure",
         "write_structure",
     ),
+    "exchange": ("read_structure",),
     "mechanics": (
         "Batch",
         "EquilibriumPath",
@@ -165,3 +167,12 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+def _save(what: Any, path: Any, format: str | None) -> None:  # noqa: A002, ANN401 - what the formats take
+    from tensegra.report.export import save
+
+    save(what, path, format)
+
+
+_register(_save)

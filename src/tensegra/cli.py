@@ -17,6 +17,7 @@ from typing import Annotated
 import typer
 
 from tensegra.errors import TensegraError, shortened
+from tensegra.file_commands import add_commands
 
 __all__ = ["app", "main"]
 
@@ -327,3 +328,6 @@ def bench(
     if output is not None:
         output.write_text(to_markdown(benchmark), encoding="utf-8")
     show_benchmark(benchmark, as_json=as_json)
+
+
+add_commands(app)

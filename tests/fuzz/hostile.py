@@ -87,6 +87,8 @@ def _sound(schema, root, depth):
         return st.just(schema["const"])
     if "enum" in schema:
         return st.sampled_from(schema["enum"])
+    if isinstance(schema.get("type"), list):
+        return st.one_of([_sound({**schema, "type": each}, root, depth) for each in schema["type"]])
     if schema.get("type") in {"object", "array"}:
         below = _objects if schema["type"] == "object" else _arrays
         return below(schema, root, depth) if depth <= DEEPEST else st.just({} if below is _objects else [])

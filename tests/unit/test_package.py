@@ -46,3 +46,14 @@ def test_parsing_a_command_loads_nothing_heavy():
     )
     ran = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)  # noqa: S603
     assert ran.stdout.splitlines()[-1] == "[]"
+
+
+def test_reading_a_structure_file_loads_nothing_heavy(tmp_path):
+    tg.library.prism().save(tmp_path / "a.yaml")
+    code = (
+        "import sys, tensegra as tg\n"
+        f"tg.read_structure({str(tmp_path / 'a.yaml')!r})\n"
+        f"print([name for name in {HEAVY} if name in sys.modules])"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)  # noqa: S603
+    assert ran.stdout.strip() == "[]"

@@ -11,10 +11,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from tensegra.benchmark.timing import Stopwatch, one_blas_thread
+from tensegra.exchange.mujoco_write import model_of
+from tensegra.exchange.scene import scene_of
 from tensegra.mechanics import EquilibriumPath, solve_path
 from tensegra.mechanics.arrays import FloatArray, StructureArrays, structure_arrays
 from tensegra.report.tables import Table
@@ -111,12 +114,6 @@ class Task:
         path = solve_path(structure, actuation)
         return cls(structure_arrays(structure), path, path.stages[-1].nodes)
 
-    @property
-    def axial(self) -> FloatArray:
-        """EA over the rest length, ``(n_members,)``."""
-        rate: FloatArray = self.path.load.stiffness / self.path.load.rest_length
-        return rate
-
 
 def measure_peers(*, tell: Callable[[int], object] = lambda _done: None) -> Peers:
     """Ask every program for every structure that it can solve."""
@@ -175,10 +172,11 @@ def _by_mujoco(task: Task) -> tuple[FloatArray, str]:
     relaxation", International Journal of Space Structures 14 (1999) 89–104.
     """
     mujoco: Any = importlib.import_module("mujoco")
-    model = mujoco.MjModel.from_xml_string(_mujoco_model(task))
+    written = ET.tostring(model_of(scene_of(task.path), task.start), encoding="unicode")
+    model = mujoco.MjModel.from_xml_string(written)
+    model.dof_damping[:] = 0.0  # in place of which the motion is stopped
     data = mujoco.MjData(model)
     free = task.arrays.free
-    data.qfrc_applied[:] = task.path.load.force[free]
     mass = np.repeat(model.body_mass[1:], free.sum(axis=1))
     accepted = RELAXED * float(np.abs(task.path.final.tensions).max())
     fastest, step = 0.0, 0
@@ -195,50 +193,6 @@ def _by_mujoco(task: Task) -> tuple[FloatArray, str]:
     nodes[free] += data.qpos
     left = float(np.abs(mass * data.qacc).max() / np.abs(task.path.final.tensions).max())
     return nodes, f"{step:,} steps to a residual of {left:.0e}"
-
-
-def _mujoco_model(task: Task) -> str:
-    """Write the model: one time unit a step, masses for which that is stable."""
-    arrays = task.arrays
-    bodies = []
-    for node, (position, mass) in enumerate(zip(task.start, _masses(task), strict=True)):
-        slides = "".join(
-            f'<joint type="slide" axis="{axis}"/>'
-            for axis, moves in zip(("1 0 0", "0 1 0", "0 0 1"), arrays.free[node], strict=True)
-            if moves
-        )
-        where = " ".join(repr(float(value)) for value in position)
-        inertia = f'<inertial pos="0 0 0" mass="{mass!r}" diaginertia="{mass!r} {mass!r} {mass!r}"/>'
-        bodies.append(f'<body pos="{where}">{inertia}{slides}<site name="{node}"/></body>')
-    tendons = []
-    for e, is_cable in enumerate(arrays.is_cable):
-        segments = arrays.segment_nodes[arrays.segment_start[e] : arrays.segment_start[e + 1]]
-        sites = "".join(f'<site site="{node}"/>' for node in [segments[0, 0], *segments[:, 1]])
-        rest_length = float(task.path.load.rest_length[e])
-        spring = f"{0.0 if is_cable else rest_length!r} {rest_length!r}"
-        tendons.append(
-            f'<spatial stiffness="{float(task.axial[e])!r}" springlength="{spring}">{sites}</spatial>'
-        )
-    return (
-        '<mujoco><compiler boundmass="0" boundinertia="0"/>'
-        '<option timestep="1" gravity="0 0 0" integrator="Euler"><flag contact="disable"/></option>'
-        f"<worldbody>{''.join(bodies)}</worldbody><tendon>{''.join(tendons)}</tendon></mujoco>"
-    )
-
-
-def _masses(task: Task) -> list[float]:
-    """Bound the highest frequency to half a radian a step, by Gershgorin's sum over each node's rows of K.
-
-    With less than a quarter of these masses the stops of kinetic damping feed energy in.
-    """
-    arrays = task.arrays
-    rows = np.zeros(arrays.n_nodes)
-    for e in range(arrays.n_members):
-        segments = arrays.segment_nodes[arrays.segment_start[e] : arrays.segment_start[e + 1]]
-        pulls = np.bincount(segments.ravel(), minlength=arrays.n_nodes).astype(float)
-        rows += task.axial[e] * pulls * pulls.sum()
-    masses: list[float] = (4.0 * rows).tolist()
-    return masses
 
 
 def _by_musclepy(task: Task) -> tuple[FloatArray, str]:

@@ -31,6 +31,7 @@ from tensegra.mechanics.stability import free_mechanisms
 from tensegra.mechanics.stages import Ground
 from tensegra.mechanics.status import Status, axis_index, index_of, names_in
 from tensegra.mechanics.variants import Variants
+from tensegra.savable import Savable
 from tensegra.structure import Structure
 
 Coordinate = tuple[str, str]
@@ -40,7 +41,7 @@ BLOCK = 4096
 
 
 @dataclass(frozen=True, eq=False)
-class Batch(RunResults):
+class Batch(RunResults, Savable):
     """Results of many runs, with the runs themselves.
 
     Attributes

@@ -32,6 +32,7 @@ from tensegra.mechanics.status import (
     names_in,
 )
 from tensegra.mechanics.tangent import Tangent
+from tensegra.savable import Savable
 from tensegra.structure import Structure
 
 if TYPE_CHECKING:
@@ -179,7 +180,7 @@ class Equilibrium:
 
 
 @dataclass(frozen=True, eq=False)
-class EquilibriumPath:
+class EquilibriumPath(Savable):
     """The equilibria of a loading history: those of the stages and of the actuation after them.
 
     Attributes

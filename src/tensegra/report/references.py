@@ -6,7 +6,8 @@ from math import isfinite
 from pathlib import Path
 
 from tensegra.errors import ModelError
-from tensegra.structure import Structure, library, read_structure
+from tensegra.exchange import read_structure
+from tensegra.structure import Structure, library
 from tensegra.units import QuantityError
 
 __all__ = ["LIBRARY", "is_study_file", "parse_settings", "parse_temperatures", "structure_from"]

@@ -4,9 +4,19 @@ Numbers are converted here into the units that the file declares. Whether they a
 possible structure is asked in `tensegra.structure.checks`.
 """
 
-from typing import Annotated, Any, cast
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, cast
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, ValidationInfo
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    WithJsonSchema,
+)
 from pydantic_core import PydanticCustomError
 
 from tensegra.structure.coerce import is_id, name_of
@@ -49,16 +59,29 @@ def _three(value: object) -> object:
     return value
 
 
-Identifier = Annotated[str, BeforeValidator(_identifier)]
-Ratio = Annotated[float, _quantity("ratio")]
-Length = Annotated[float, _quantity("length")]
-Area = Annotated[float, _quantity("area")]
-Inertia = Annotated[float, _quantity("second moment of area")]
-Force = Annotated[float, _quantity("force")]
-Stress = Annotated[float, _quantity("stress")]
-Weight = Annotated[float, _quantity("force per volume")]
-Temperature = Annotated[float, _quantity("temperature")]
-Expansion = Annotated[float, _quantity("thermal expansion")]
+def _unit(dimension: Dimension) -> WithJsonSchema:
+    """Tell editors and pages that a number may carry its unit, and what it measures in the file's own."""
+    own = {"N": "force", "m": "length", "K": "temperature"}
+    unit = re.sub("[NmK]", lambda base: own[base[0]], Units().of(dimension))
+    return WithJsonSchema({"type": ["number", "string"], "unit": unit})
+
+
+Examples = tuple[Mapping[str, Any], ...]
+
+Identifier = Annotated[str, BeforeValidator(_identifier), WithJsonSchema({"type": ["string", "integer"]})]
+Ratio = Annotated[float, _quantity("ratio"), _unit("ratio")]
+Length = Annotated[float, _quantity("length"), _unit("length")]
+Area = Annotated[float, _quantity("area"), _unit("area")]
+Inertia = Annotated[float, _quantity("second moment of area"), _unit("second moment of area")]
+Force = Annotated[float, _quantity("force"), _unit("force")]
+Stress = Annotated[float, _quantity("stress"), _unit("stress")]
+Weight = Annotated[float, _quantity("force per volume"), _unit("force per volume")]
+Temperature = Annotated[float, _quantity("temperature"), _unit("temperature")]
+Expansion = Annotated[float, _quantity("thermal expansion"), _unit("thermal expansion")]
+# Which words are known is asked later, with the nearest one at hand.
+Kind = Annotated[str, WithJsonSchema({"type": "string", "enum": ["strut", "cable"]})]
+Effect = Annotated[str, WithJsonSchema({"type": "string", "enum": ["shorten", "lengthen"]})]
+Axes = Annotated[str, WithJsonSchema({"type": "string", "pattern": "^[xyz]{1,3}$"})]
 Factors = Annotated[tuple[Ratio, Ratio, Ratio], BeforeValidator(_three)]
 Position = Annotated[tuple[Length, Length, Length], BeforeValidator(_three)]
 Load = Annotated[tuple[Force, Force, Force], BeforeValidator(_three)]
@@ -67,68 +90,157 @@ Load = Annotated[tuple[Force, Force, Force], BeforeValidator(_three)]
 class _Schema(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    examples: ClassVar[Examples] = ()
+    """Contents that are right; between them they have every key."""
+
 
 class UnitsSchema(_Schema):
     """The key `units`."""
 
+    examples: ClassVar[Examples] = ({"length": "cm", "force": "kN", "temperature": "degC"},)
+
     length: str = "m"
+    """Unit of all lengths, a name that pint knows."""
     force: str = "N"
+    """Unit of all forces; stresses, stiffnesses and weights are derived from it and from the length."""
     temperature: str = "K"
+    """Unit of temperature differences."""
 
 
 class MaterialSchema(_Schema):
     """A value of `materials`."""
 
+    examples: ClassVar[Examples] = (
+        {"youngs_modulus": "115 GPa", "weight": 7.85e-05, "thermal_expansion": 1.2e-05},
+    )
+
     youngs_modulus: Stress
+    """Young's modulus E."""
     weight: Weight = 0.0
+    """Weight of a volume, which acts where `gravity` is not zero."""
     thermal_expansion: Expansion = 0.0
+    """Strain for each degree of temperature difference."""
 
 
 class MemberSchema(_Schema):
     """A value of `members`."""
 
-    kind: str
+    examples: ClassVar[Examples] = (
+        {
+            "kind": "cable",
+            "nodes": [1, 5, 9],
+            "material": "steel",
+            "area": 0.5,
+            "rest_length": 300,
+            "groups": ["top"],
+            "strength": 12,
+        },
+        {"kind": "strut", "nodes": [1, 8], "stiffness": 1000000.0, "rest_length": 141},
+        {"kind": "strut", "nodes": [1, 8], "material": "steel", "area": "255 mm^2", "section_inertia": 0.8},
+    )
+
+    kind: Kind
+    """A strut carries tension and compression, a cable tension only."""
     nodes: list[Identifier]
+    """Ids of the nodes in the order of the path. A cable over three or more nodes is clustered: it runs over
+    frictionless pulleys with one tension. A closed loop repeats its first node at the end."""
     material: Identifier | None = None
+    """Name of the material."""
     area: Area | None = None
+    """Cross-section; with the material's modulus it gives the axial stiffness EA."""
     stiffness: Force | None = None
+    """Axial stiffness EA itself, in place of an area."""
     rest_length: Length | None = None
+    """Length of the whole path free of force; the length along the given nodes if left out."""
     groups: list[Identifier] = Field(default_factory=list)
+    """Names under which members are addressed together."""
     section_inertia: Inertia | None = None
+    """Second moment of area of a strut, for its buckling load; it needs a material."""
     strength: Force | None = None
+    """Largest force that the member may carry; `tensegra check` tells how near it is."""
 
 
 class ActuatorSchema(_Schema):
     """A value of `actuators`."""
 
+    examples: ClassVar[Examples] = ({"members": ["K1", "K4"], "effect": "shorten"},)
+
     members: list[Identifier]
-    effect: str
+    """Ids of members, or names of groups, whose rest lengths change together."""
+    effect: Effect
+    """Value 0.1 multiplies the rest lengths by 0.9 (shorten) or 1.1 (lengthen)."""
 
 
 class StageSchema(_Schema):
     """An entry of `stages`."""
 
+    examples: ClassVar[Examples] = (
+        {"name": "prestress", "rest_length_changes": {"K1": -0.0255}},
+        {
+            "name": "more",
+            "rest_lengths": {"K1": 295},
+            "loads": {"9": [0, 0, -1]},
+            "temperatures": {"top": 20},
+            "positions": {"1": [0, 0, 1]},
+            "gravity": [0, 0, -1],
+        },
+    )
+
     name: Identifier | None = None
+    """Name of the stage; `stage 1`, `stage 2`, … if left out."""
     rest_length_changes: dict[str, Ratio] = {}
+    """Change of rest length relative to the one before the stage, by member or group."""
     rest_lengths: dict[str, Length] = {}
+    """New rest length, by member or group."""
     loads: dict[str, Load] = {}
+    """Force on a node along x, y and z, by node; it replaces the node's earlier load."""
     temperatures: dict[str, Temperature] = {}
+    """Difference from the stress-free state, by member or group."""
     positions: dict[str, Position] = {}
+    """New coordinates of a supported node, by node."""
     gravity: Factors | None = None
+    """Factor on the members' weights along x, y and z; as before if left out."""
 
 
 class StructureSchema(_Schema):
     """The file, without the keys `schema` and `units`, which are read before it."""
 
+    examples: ClassVar[Examples] = (
+        {
+            "name": "rope",
+            "description": "Two cables in a line.",
+            "nodes": {"1": [0, 0, 0], "2": [1, 0, 0], "3": [2, 0, 0]},
+            "materials": {"steel": {"youngs_modulus": "115 GPa"}},
+            "members": {
+                "K1": {"kind": "cable", "nodes": [1, 2], "stiffness": 100000.0, "rest_length": 0.99},
+                "K2": {"kind": "cable", "nodes": [2, 3], "stiffness": 100000.0, "rest_length": 0.99},
+            },
+            "supports": {"1": "xyz", "2": "yz", "3": "xyz"},
+            "gravity": [0, 0, -1],
+            "actuators": {"A": {"members": ["K1"], "effect": "shorten"}},
+            "stages": [{"name": "load", "loads": {"2": [10, 0, 0]}}],
+        },
+    )
+
     name: Identifier
+    """Name of the structure, for people; the file's name if left out."""
     description: str = ""
+    """What the structure is, for people; no result depends on it."""
     nodes: dict[str, Position]
+    """Coordinates x, y and z, by id of the node: where the first equilibrium is sought."""
     materials: dict[str, MaterialSchema] = {}
+    """Materials, by name."""
     members: dict[str, MemberSchema]
-    supports: dict[str, str] = {}
+    """Struts and cables, by id."""
+    supports: dict[str, Axes] = {}
+    """Axes along which a node is held, such as `xyz` or `z`, by node; none are needed for a body free in
+    space."""
     gravity: Factors = (0.0, 0.0, 0.0)
+    """Factor on the members' weights along x, y and z: [0, 0, -1] lets them act downwards along z."""
     actuators: dict[str, ActuatorSchema] = {}
+    """Devices that change rest lengths after all stages, by name."""
     stages: list[StageSchema] = []
+    """Loading history, followed in order; what a stage does not name stays as it was."""
 
 
 _BELOW: dict[str | int, type[_Schema]] = {

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from tensegra.errors import ModelError
+from tensegra.savable import Savable
 from tensegra.structure.checks import find_problems
 from tensegra.structure.coerce import Vector, by_id, name_of, sorted_axes, store, vector
 from tensegra.structure.frozen import FrozenMapping
@@ -33,7 +34,7 @@ _SI = Units()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Structure:
+class Structure(Savable):
     """A tensegrity structure with its supports, actuators and loading history.
 
     Ids are texts; integers are accepted and become texts. All numbers are in `units`. Structures are

@@ -12,7 +12,7 @@ from tensegra.structure.bounded import DEEPEST, TextError, require_plain
 if TYPE_CHECKING:
     import yaml
 
-__all__ = ["REPEATED", "TextError", "dump_json", "dump_yaml", "load_json", "load_yaml"]
+__all__ = ["REPEATED", "TextError", "dump_json", "dump_line", "dump_yaml", "load_json", "load_yaml"]
 
 MOST_MERGED = 100_000
 """Keys that `<<` may bring into one mapping: each level of aliases multiplies them."""
@@ -104,6 +104,27 @@ def dump_yaml(value: object) -> str:
     return yaml.dump(
         value, Dumper=_dumper(), sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
     )
+
+
+def dump_line(value: object) -> str:
+    """Write a plain value as YAML on one line.
+
+    Examples
+    --------
+    >>> dump_line({"kind": "cable", "nodes": ["1", "5"], "rest_length": 300.0})
+    "{kind: cable, nodes: ['1', '5'], rest_length: 300.0}"
+    """
+    import yaml
+
+    text = yaml.dump(
+        value,
+        Dumper=_dumper(),
+        sort_keys=False,
+        allow_unicode=True,
+        default_flow_style=True,
+        width=float("inf"),
+    )
+    return text.removesuffix("\n").removesuffix("\n...")
 
 
 def dump_json(value: object) -> str:

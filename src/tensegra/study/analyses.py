@@ -1,115 +1,81 @@
-"""The `surrogates` and `analyses` of a study file: their form, and the names that they refer to.
+"""The `analyses` of a study file: their form.
 
-What they do is the matter of `tensegra.surrogate` and `tensegra.analysis`, which read these entries.
+What they do is the matter of `tensegra.analysis`, which reads these entries.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal, Self, TypeAlias
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, ConfigDict, Field, Strict, model_validator
+from pydantic import Field, model_validator
 
-from tensegra.errors import StudyError
-from tensegra.filenames import require_file_names
-from tensegra.study.distributions import Distribution, as_distribution
-from tensegra.study.entry import Count, Entry, Identifier, Number, OneOf, Positive
-from tensegra.study.law_entries import DistributionEntry
+from tensegra.study.entry import Count, Entry, Examples, Flag, Identifier, Number, OneOf
+from tensegra.study.models import TRUTH, Analysis, InputEntry, Inputs, Names, Share, SurrogateEntry
+from tensegra.study.searches import Inverse, Optimisation, Robust
 
-__all__ = ["TRUTH", "AnalysisEntry", "InputEntry", "SurrogateEntry", "require_known_names"]
-
-TRUTH = "truth"
-"""The model that is no surrogate but the structure itself, solved anew."""
-
-Names: TypeAlias = Annotated[tuple[Identifier, ...], Field(min_length=1)]
-Flag: TypeAlias = Annotated[bool, Strict()]
+__all__ = ["TRUTH", "AnalysisEntry", "InputEntry", "SurrogateEntry"]
 
 
-class SurrogateEntry(Entry):
-    """A surrogate to fit. Keys beyond these are options of its kind."""
-
-    model_config = ConfigDict(extra="allow")
-
-    kind: Literal["gpr", "nn", "pce", "field", "piecewise", "auto"]
-    outputs: Names | None = None
-    training_size: Count | None = None
-    validation_size: Count | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _refuse_unknown_keys(cls, data: Any) -> Any:  # noqa: ANN401 - the options are the kind's to know
-        return data
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """The options of the kind."""
-        return dict(self.model_extra or {})
-
-
-def _fixed(value: object) -> object:
-    return value if isinstance(value, Mapping) else {"fixed": value}
-
-
-class _InputEntry(DistributionEntry):
-    """How an analysis draws one variable: a law, a fixed number, or another variable's value."""
-
-    fixed: Number | None = None
-    same_as: Identifier | None = None
-
-    def law(self) -> Distribution | float | dict[str, str]:
-        """Return a distribution, a number or ``{"same_as": name}``, as `tensegra.propagate` takes them."""
-        if self.fixed is not None:
-            return self.fixed
-        if self.same_as is not None:
-            return {"same_as": self.same_as}
-        return as_distribution({self.kind: self.value.written()})
-
-
-InputEntry: TypeAlias = Annotated[_InputEntry, BeforeValidator(_fixed)]
-
-
-Share: TypeAlias = Annotated[Number, Field(gt=0, lt=1)]
-Inputs: TypeAlias = dict[Identifier, InputEntry]
-Bounds: TypeAlias = dict[Identifier, tuple[Number, Number]]
-
-
-def _require_ordered(bounds: Bounds) -> None:
-    for name, (low, high) in bounds.items():
-        if not low <= high:
-            raise ValueError(f"bounds of {name!r}: found [{low}, {high}], expected lower <= upper")
-
-
-class _Analysis(Entry):
-    """What every analysis has: a name for its section of the report, and a model to ask."""
-
-    name: str | None = None
-    model: Identifier
-    outputs: Names | None = None
-    confidence: Share = 0.95
-
-
-class Propagation(_Analysis):
+class Propagation(Analysis):
     """Distribution of the outputs under random inputs; `compare_with` names a second model.
 
     `quantiles` are probabilities, `limits` values of outputs whose probability of being exceeded is wanted.
     """
 
+    examples: ClassVar[Examples] = (
+        {
+            "name": "Actuation error",
+            "model": "poly",
+            "outputs": ["w"],
+            "confidence": 0.9,
+            "samples": 10000,
+            "method": "quasi_monte_carlo",
+            "inputs": {"A14": {"uniform": [0.09, 0.1]}, "A23": {"same_as": "A14"}},
+            "compare_with": "truth",
+            "quantiles": [0.05, 0.95],
+            "limits": {"w": [50, 52]},
+        },
+    )
+
     samples: Count = 10_000
+    """Number of samples. [1]"""
     method: Literal["monte_carlo", "quasi_monte_carlo"] = "monte_carlo"
+    """Random samples, or a scrambled Sobol sequence with replicates."""
     inputs: Inputs = Field(default_factory=dict)
+    """Laws, fixed numbers or `same_as` in place of the study's own laws, by variable."""
     compare_with: Identifier | None = None
+    """A second model, asked for the same samples."""
     quantiles: tuple[Share, ...] = ()
+    """Probabilities whose quantiles are wanted. [1]"""
     limits: dict[Identifier, Number | tuple[Number, ...]] = Field(default_factory=dict)
+    """Values, by output, whose probability of being exceeded is wanted. [output]"""
 
 
-class Sensitivity(_Analysis):
+class Sensitivity(Analysis):
     """Sobol indices by Saltelli's design of `samples` base points, a power of two.
 
     The method ``chaos`` has them from a surrogate of kind ``pce``, under the laws that it was trained with.
     """
 
+    examples: ClassVar[Examples] = (
+        {
+            "name": "Which input matters",
+            "model": "poly",
+            "outputs": ["w"],
+            "confidence": 0.95,
+            "method": "saltelli",
+            "samples": 1024,
+            "second_order": False,
+            "inputs": {"A14": {"uniform": [0.09, 0.1]}},
+        },
+    )
+
     method: Literal["saltelli", "chaos"] = "saltelli"
+    """`saltelli` samples the model, `chaos` takes the indices from a surrogate of kind `pce`."""
     samples: Count = 1024
+    """Number of base points of Saltelli's design, a power of two. [1]"""
     second_order: Flag = True
+    """Whether indices of pairs are wanted, too."""
     inputs: Inputs = Field(default_factory=dict)
+    """Laws, fixed numbers or `same_as` in place of the study's own laws, by variable."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -125,111 +91,55 @@ class Sensitivity(_Analysis):
         return self
 
 
-class Morris(_Analysis):
+class Morris(Analysis):
     """Screening of many inputs by their elementary effects along random trajectories."""
 
-    trajectories: Annotated[Count, Field(ge=4)] = 20
-    levels: Annotated[Count, Field(multiple_of=2)] = 4
-    inputs: Inputs = Field(default_factory=dict)
-
-
-class _Search(_Analysis):
-    """An objective and constraints, expressions in variables and outputs, in a box.
-
-    `search` names the variables to choose: by default the actuators and what has bounds (or errors), less
-    what `inputs` names.
-    """
-
-    search: Names | None = None
-    inputs: Inputs = Field(default_factory=dict)
-    objective: str = Field(min_length=1)
-    maximise: Flag = True
-    constraints: tuple[str, ...] = ()
-    bounds: Bounds = Field(default_factory=dict)
-    evaluations: Count = 40
-
-    @model_validator(mode="after")
-    def _check_bounds(self) -> Self:
-        _require_ordered(self.bounds)
-        return self
-
-
-class Optimisation(_Search):
-    """The inputs at which an objective is best, by each of several methods.
-
-    The variables that are not searched are held at the means of their laws, or of those in `inputs`. The
-    method ``direct`` searches on the structure itself, whatever the model. `acquisition` and its parameter
-    `xi` are those of ``bayesian``.
-    """
-
-    methods: tuple[Literal["slsqp", "bfgs", "bayesian", "direct"], ...] = Field(
-        default=("slsqp",), min_length=1
+    examples: ClassVar[Examples] = (
+        {
+            "name": "Screening",
+            "model": "truth",
+            "outputs": ["w"],
+            "confidence": 0.95,
+            "trajectories": 20,
+            "levels": 4,
+            "inputs": {"A14": {"uniform": [0.09, 0.1]}},
+        },
     )
-    starts: Count = 200
-    acquisition: Literal["ucb", "ei", "mpi"] = "ucb"
-    xi: Annotated[Number, Field(ge=0)] | None = None
 
-
-class Robust(_Search):
-    """The inputs at which a statistic of an objective is best, under `errors` that add to them.
-
-    The statistic is mean - `kappa` std (+ where less is better), or the value that a share `quantile` of the
-    outcomes falls short of. The variables that are not searched keep their joint law, or that in `inputs`.
-    """
-
-    errors: Inputs = Field(default_factory=dict)
-    kappa: Annotated[Number, Field(ge=0)] | None = None
-    quantile: Share | None = None
-    method: Literal["slsqp", "bfgs", "bayesian"] = "slsqp"
-    starts: Count = 20
-    draws: Count = 64
-    samples: Annotated[Count, Field(ge=2)] = 1000
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if self.kappa is not None and self.quantile is not None:
-            raise ValueError("found kappa and quantile, expected one of them")
-        return self
-
-
-class Inverse(_Analysis):
-    """The inputs that bring outputs to `targets`, numbers or lists of them along a trajectory.
-
-    `search` names the variables to choose, as for an optimisation; the others keep their joint law, or that
-    in `inputs`.
-    """
-
-    search: Names | None = None
-    targets: dict[Identifier, Number | tuple[Number | None, ...]] = Field(min_length=1)
-    bounds: Bounds = Field(default_factory=dict)
-    errors: Inputs = Field(default_factory=dict)
+    trajectories: Annotated[Count, Field(ge=4)] = 20
+    """Number of random trajectories. [1]"""
+    levels: Annotated[Count, Field(multiple_of=2)] = 4
+    """Number of levels of each variable, an even number. [1]"""
     inputs: Inputs = Field(default_factory=dict)
-    constraints: tuple[str, ...] = ()
-    tolerance: Positive | dict[Identifier, Positive] | None = None
-    starts: Count = 20
-    samples: Annotated[Count, Field(ge=2)] = 256
-    confidence: Share = 0.90
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        _require_ordered(self.bounds)
-        sizes = {name: len(values) for name, values in self.targets.items() if isinstance(values, tuple)}
-        if len(set(sizes.values())) > 1 or 0 in sizes.values():
-            raise ValueError(f"found targets of lengths {sizes}, expected numbers or lists of one length")
-        return self
+    """Laws, fixed numbers or `same_as` in place of the study's own laws, by variable."""
 
 
 class Predict(Entry):
     """What a calibration predicts from its posterior: outputs under further `inputs`."""
 
+    examples: ClassVar[Examples] = (
+        {
+            "inputs": {"A23": 0.1},
+            "outputs": ["w"],
+            "samples": 2000,
+            "quantiles": [0.05, 0.95],
+            "limits": {"w": 51},
+        },
+    )
+
     inputs: Inputs = Field(default_factory=dict)
+    """Laws, fixed numbers or `same_as` in place of the study's own laws, by variable."""
     outputs: Names | None = None
+    """Names of the outputs to predict; all if left out."""
     samples: Annotated[Count, Field(ge=2)] = 2000
+    """Number of samples. [1]"""
     quantiles: tuple[Share, ...] = ()
+    """Probabilities whose quantiles are wanted. [1]"""
     limits: dict[Identifier, Number | tuple[Number, ...]] = Field(default_factory=dict)
+    """Values, by output, whose probability of being exceeded is wanted. [output]"""
 
 
-class Calibration(_Analysis):
+class Calibration(Analysis):
     """The posterior of the variables, given `measurements` of outputs: a CSV file, or its columns.
 
     A row per measured state; columns named by the variables that were known, by the outputs, and their
@@ -237,83 +147,62 @@ class Calibration(_Analysis):
     the number that they are fixed at.
     """
 
+    examples: ClassVar[Examples] = (
+        {
+            "name": "Twin",
+            "model": "poly",
+            "outputs": ["w"],
+            "confidence": 0.9,
+            "measurements": {"A14": [0.09, 0.1], "w": [48.0, 53.1], "w_std": [0.1, 0.1]},
+            "inputs": {"A23": {"uniform": [0.09, 0.1]}},
+            "chains": 8,
+            "warmup": 150,
+            "draws": 400,
+            "predict": {"samples": 2000},
+        },
+    )
+
     measurements: dict[Identifier, tuple[Number | None, ...]] = Field(min_length=1)
+    """CSV file relative to the study's, or its columns by name: variables that were known, outputs, and their
+    standard deviations `<output>_std`. [variable or output]"""
     inputs: Inputs = Field(default_factory=dict)
+    """Priors of the variables that are inferred, or the number that they are fixed at, by variable."""
     chains: Annotated[Count, Field(ge=2)] = 8
+    """Number of Markov chains. [1]"""
     warmup: Annotated[Count, Field(ge=30)] = 150
+    """Number of draws of each chain that tune it and are thrown away. [1]"""
     draws: Annotated[Count, Field(ge=50)] = 400
+    """Number of draws of each chain that are kept. [1]"""
     confidence: Share = 0.90
+    """Confidence of all intervals. [1]"""
     predict: Predict | None = None
+    """What to predict from the posterior."""
 
 
 class AnalysisEntry(OneOf):
     """One entry of `analyses`: a mapping with one key, the kind of analysis."""
 
+    examples: ClassVar[Examples] = (
+        {"propagation": {"model": "poly"}},
+        {"sensitivity": {"model": "poly"}},
+        {"morris": {"model": "truth"}},
+        {"optimisation": {"model": "poly", "objective": "w"}},
+        {"robust": {"model": "poly", "objective": "w", "errors": {"A14": {"normal": [0, 0.001]}}}},
+        {"inverse": {"model": "poly", "targets": {"w": 50}}},
+        {"calibration": {"model": "poly", "measurements": {"A14": [0.09], "w": [48.0], "w_std": [0.1]}}},
+    )
+
     propagation: Propagation | None = None
+    """Distribution of outputs under random inputs."""
     sensitivity: Sensitivity | None = None
+    """Sobol indices."""
     morris: Morris | None = None
+    """Screening by elementary effects."""
     optimisation: Optimisation | None = None
+    """The best values of the variables."""
     robust: Robust | None = None
+    """The best values under errors."""
     inverse: Inverse | None = None
+    """The values that bring outputs to targets."""
     calibration: Calibration | None = None
-
-
-def require_known_names(
-    surrogates: Mapping[str, SurrogateEntry],
-    analyses: Sequence[AnalysisEntry],
-    variables: Sequence[str],
-    outputs: Sequence[str],
-    source: str,
-) -> None:
-    """Refuse surrogates and analyses that name a model, variable or output that there is not.
-
-    Raises
-    ------
-    StudyError
-        With the place, the name and the nearest one.
-    """
-    if TRUTH in surrogates:
-        raise StudyError(
-            f"{source} surrogates.{TRUTH}: the name stands for the structure itself, choose another"
-        )
-    require_file_names(surrogates, f"{source} surrogates", StudyError)
-    for name, surrogate in surrogates.items():
-        _require(surrogate.outputs or (), "an output", outputs, f"{source} surrogates.{name}.outputs")
-    models = [*surrogates, TRUTH]
-    for i, entry in enumerate(analyses):
-        analysis, place = entry.value, f"{source} analyses[{i}].{entry.kind}"
-        _require([analysis.model], "a surrogate or 'truth'", models, f"{place}.model")
-        _require(analysis.outputs or (), "an output", outputs, f"{place}.outputs")
-        _require(getattr(analysis, "search", None) or (), "a variable", variables, f"{place}.search")
-        _require_keys(analysis, variables, outputs, place)
-        predict = getattr(analysis, "predict", None)
-        if predict is not None:
-            _require_keys(predict, variables, outputs, f"{place}.predict")
-            _require(predict.outputs or (), "an output", outputs, f"{place}.predict.outputs")
-        if getattr(analysis, "compare_with", None) is not None:
-            _require([analysis.compare_with], "a surrogate or 'truth'", models, f"{place}.compare_with")
-
-
-def _require_keys(analysis: Entry, variables: Sequence[str], outputs: Sequence[str], place: str) -> None:
-    """Refuse keys of an analysis's mappings that are no variables, or no outputs."""
-    for key in ("inputs", "errors", "bounds"):
-        _require(getattr(analysis, key, ()), "a variable", variables, f"{place}.{key}")
-    for key in ("limits", "targets", "tolerance"):
-        names = getattr(analysis, key, None)
-        _require(names if isinstance(names, Mapping) else (), "an output", outputs, f"{place}.{key}")
-    columns = (*variables, *outputs, *(f"{name}_std" for name in outputs))
-    expected = "a variable, an output or <output>_std"
-    _require(getattr(analysis, "measurements", ()), expected, columns, f"{place}.measurements")
-    for key in ("inputs", "errors"):
-        for name, law in getattr(analysis, key, {}).items():
-            if law.same_as is not None:
-                others = [variable for variable in variables if variable != name]
-                _require([law.same_as], "another variable", others, f"{place}.{key}.{name}.same_as")
-
-
-def _require(
-    found: Sequence[str] | Mapping[str, Any], expected: str, known: Sequence[str], place: str
-) -> None:
-    for name in found:
-        if name not in known:
-            raise StudyError.at(place, name, expected, candidates=known)
+    """The variables' posterior from measurements."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegra.errors import StudyError
+from tensegra.savable import Savable
 from tensegra.study.data import TrainingData
 from tensegra.study.derivatives import derivative_name
 from tensegra.study.lock import Driver, driver_of
@@ -73,7 +74,7 @@ class CampaignState:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Campaign:
+class Campaign(Savable):
     """The runs of a study that are in a folder, be it finished or not.
 
     Attributes

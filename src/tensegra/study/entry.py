@@ -6,7 +6,7 @@ together.
 """
 
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -16,6 +16,7 @@ from pydantic import (
     Field,
     Strict,
     ValidationError,
+    WithJsonSchema,
     model_validator,
 )
 from pydantic_core import ErrorDetails, PydanticCustomError
@@ -23,7 +24,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from tensegra.errors import StudyError
 from tensegra.units import LARGEST, SMALLEST, is_sane
 
-__all__ = ["Count", "Entry", "Flag", "Identifier", "Number", "OneOf", "Positive", "parse_entry"]
+__all__ = ["Count", "Entry", "Examples", "Flag", "Identifier", "Number", "OneOf", "Positive", "parse_entry"]
 
 
 def _identifier(value: object) -> object:
@@ -41,7 +42,14 @@ Number = Annotated[float, Strict(), Field(allow_inf_nan=False), AfterValidator(_
 Positive = Annotated[Number, Field(gt=0)]
 Count = Annotated[int, Strict(), Field(ge=1)]
 Flag = Annotated[bool, Strict()]
-Identifier = Annotated[str, Field(min_length=1), BeforeValidator(_identifier)]
+Identifier = Annotated[
+    str,
+    Field(min_length=1),
+    BeforeValidator(_identifier),
+    WithJsonSchema({"type": ["string", "integer"], "minLength": 1}),
+]
+
+Examples = tuple[Mapping[str, Any], ...]
 
 EntryType = TypeVar("EntryType", bound="Entry")
 
@@ -50,6 +58,9 @@ class Entry(BaseModel):
     """A mapping of the study file whose keys are all known."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
+
+    examples: ClassVar[Examples] = ()
+    """Contents that are right; between them they have every key."""
 
     @classmethod
     def known_keys(cls) -> list[str]:

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from tensegra.study.entry import Entry, Number, OneOf, Positive
+from tensegra.study.entry import Entry, Examples, Number, OneOf, Positive
 from tensegra.study.laws import DiscreteLaw, KernelDensity, Law, MeasuredLaw, Reflected
 
 __all__ = ["LAWS", "DistributionEntry", "Empirical", "LawEntry"]
@@ -43,9 +43,13 @@ class LawEntry(Entry):
 class Uniform(LawEntry):
     """Equal density between `low` and `high`."""
 
+    examples: ClassVar[Examples] = ({"low": 0.09, "high": 0.1},)
+
     in_variable_units = ("low", "high")
     low: Number
+    """Smallest value. [variable]"""
     high: Number
+    """Largest value. [variable]"""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -62,9 +66,13 @@ class Uniform(LawEntry):
 class Normal(LawEntry):
     """The normal law of mean `mean` and standard deviation `std`."""
 
+    examples: ClassVar[Examples] = ({"mean": 11500, "std": 200},)
+
     in_variable_units = ("mean", "std")
     mean: Number
+    """Mean. [variable]"""
     std: Positive
+    """Standard deviation. [variable]"""
 
     def law(self) -> Law:
         """Return the law with these parameters."""
@@ -79,11 +87,17 @@ class TruncatedNormal(LawEntry):
     `mean` and `std` are those of the law before the cut.
     """
 
+    examples: ClassVar[Examples] = ({"mean": 0.1, "std": 0.002, "low": 0.09, "high": 0.11},)
+
     in_variable_units = ("mean", "std", "low", "high")
     mean: Number
+    """Mean before the cut. [variable]"""
     std: Positive
+    """Standard deviation before the cut. [variable]"""
     low: Number | None = None
+    """Smallest value; no cut below if left out. [variable]"""
     high: Number | None = None
+    """Largest value; no cut above if left out. [variable]"""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -105,10 +119,15 @@ class TruncatedNormal(LawEntry):
 class Lognormal(LawEntry):
     """`shift` plus a variable whose logarithm is normal; `mean` and `std` are that variable's own."""
 
+    examples: ClassVar[Examples] = ({"mean": 2.0, "std": 0.4, "shift": 1.0},)
+
     in_variable_units = ("mean", "std", "shift")
     mean: Positive
+    """Mean of the variable less its shift. [variable]"""
     std: Positive
+    """Standard deviation. [variable]"""
     shift: Number = 0.0
+    """What is added to it. [variable]"""
 
     def law(self) -> Law:
         """Return the law with these parameters."""
@@ -125,10 +144,15 @@ class Exponential(LawEntry):
     The paper's actuation A = 0.1 − φ is ``{mean: 0.001, shift: 0.1, reflected: true}``.
     """
 
+    examples: ClassVar[Examples] = ({"mean": 0.001, "shift": 0.1, "reflected": True},)
+
     in_variable_units = ("mean", "shift")
     mean: Positive
+    """Mean of the exponential part φ. [variable]"""
     shift: Number = 0.0
+    """Value to which φ is added. [variable]"""
     reflected: bool = Field(default=False, strict=True)
+    """Whether φ is subtracted instead."""
 
     def law(self) -> Law:
         """Return the law with these parameters."""
@@ -142,11 +166,17 @@ class Exponential(LawEntry):
 class Beta(LawEntry):
     """The beta law of shapes `a` and `b`, stretched over the interval from `low` to `high`."""
 
+    examples: ClassVar[Examples] = ({"a": 2, "b": 5, "low": 0.0, "high": 0.1},)
+
     in_variable_units = ("low", "high")
     a: Positive
+    """First shape. [1]"""
     b: Positive
+    """Second shape. [1]"""
     low: Number = 0.0
+    """Smallest value. [variable]"""
     high: Number = 1.0
+    """Largest value. [variable]"""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -163,10 +193,15 @@ class Beta(LawEntry):
 class Weibull(LawEntry):
     """`shift` plus a Weibull variable of `shape` and `scale` (its 63.2 % quantile)."""
 
+    examples: ClassVar[Examples] = ({"shape": 1.5, "scale": 2.0, "shift": 0.5},)
+
     in_variable_units = ("scale", "shift")
     shape: Positive
+    """Shape. [1]"""
     scale: Positive
+    """Scale, the 63.2 % quantile less the shift. [variable]"""
     shift: Number = 0.0
+    """Smallest value. [variable]"""
 
     def law(self) -> Law:
         """Return the law with these parameters."""
@@ -178,10 +213,15 @@ class Weibull(LawEntry):
 class Triangular(LawEntry):
     """Density rising linearly from `low` to `mode` and falling to `high`."""
 
+    examples: ClassVar[Examples] = ({"low": 0.08, "mode": 0.1, "high": 0.11},)
+
     in_variable_units = ("low", "mode", "high")
     low: Number
+    """Smallest value. [variable]"""
     mode: Number
+    """Most likely value. [variable]"""
     high: Number
+    """Largest value. [variable]"""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -201,9 +241,13 @@ class Triangular(LawEntry):
 class Discrete(LawEntry):
     """Finitely many `values`, equally likely or with `probabilities` that sum to 1."""
 
+    examples: ClassVar[Examples] = ({"values": [0.0, 0.05, 0.1], "probabilities": [0.2, 0.3, 0.5]},)
+
     in_variable_units = ("values",)
     values: tuple[Number, ...] = Field(min_length=1)
+    """Values that it can have, each another. [variable]"""
     probabilities: tuple[Positive, ...] | None = None
+    """Their probabilities, which sum to 1; equal ones if left out. [1]"""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -233,12 +277,22 @@ class Empirical(LawEntry):
     `bandwidth` (Scott's rule if left out).
     """
 
+    examples: ClassVar[Examples] = (
+        {"values": [1.1, 1.3, 1.2, 1.6], "method": "kde", "bandwidth": 0.1},
+        {"file": "measured.csv", "column": "A14"},
+    )
+
     in_variable_units = ("values", "bandwidth")
     values: tuple[Number, ...] | None = None
+    """Measured values, at least two different ones. [variable]"""
     file: str | None = None
+    """CSV file with the measured values, in place of `values`."""
     column: str | None = None
+    """Column of the file; the only one if left out."""
     method: Literal["data", "kde"] = "data"
+    """`data` interpolates between the sorted measurements, `kde` smooths them by a Gaussian kernel."""
     bandwidth: Positive | None = None
+    """Standard deviation of the kernel; Scott's rule if left out. [variable]"""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -259,16 +313,39 @@ class Empirical(LawEntry):
 class DistributionEntry(OneOf):
     """A distribution as a study file writes it: one law and its parameters."""
 
+    examples: ClassVar[Examples] = (
+        {"uniform": {"low": 0.09, "high": 0.1}},
+        {"normal": [11500, 200]},
+        {"truncated_normal": {"mean": 0.1, "std": 0.002, "high": 0.1}},
+        {"lognormal": [2, 0.4]},
+        {"exponential": {"mean": 0.001, "shift": 0.1, "reflected": True}},
+        {"beta": [2, 5]},
+        {"weibull": [1.5, 2]},
+        {"triangular": [0.08, 0.1, 0.11]},
+        {"discrete": {"values": [0, 0.1]}},
+        {"empirical": {"values": [1.1, 1.3, 1.2]}},
+    )
+
     uniform: Uniform | None = None
+    """Equal density between two values."""
     normal: Normal | None = None
+    """Normal law."""
     truncated_normal: TruncatedNormal | None = None
+    """Normal law that is cut on one side or both."""
     lognormal: Lognormal | None = None
+    """Law of a variable whose logarithm is normal."""
     exponential: Exponential | None = None
+    """Exponential law, shifted and perhaps reflected."""
     beta: Beta | None = None
+    """Beta law on an interval."""
     weibull: Weibull | None = None
+    """Weibull law."""
     triangular: Triangular | None = None
+    """Triangular law."""
     discrete: Discrete | None = None
+    """Finitely many values."""
     empirical: Empirical | None = None
+    """Law of measurements."""
 
 
 LAWS: dict[str, type[LawEntry]] = {

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from pydantic import Field
 
 from tensegra.errors import StudyError
 from tensegra.structure import Structure
-from tensegra.study.entry import Identifier, OneOf
+from tensegra.study.entry import Examples, Identifier, OneOf
 from tensegra.study.variables import Axis
 from tensegra.units import Dimension
 
@@ -27,34 +27,43 @@ ALL = "all"
 
 
 class OutputEntry(OneOf):
-    """An output as a study file writes it; exactly one quantity.
+    """An output as a study file writes it; exactly one quantity."""
 
-    ``displacement``, ``coordinate``
-        Along an axis, the mean over `nodes`; displacements are from the last stage's equilibrium.
-    ``distance``
-        Between the two `nodes` given.
-    ``tension``
-        Of a member, or the mean over those of a group.
-    ``reaction``
-        Force of the supports on the structure along an axis, the sum over `nodes`, which must be
-        held along it.
-    ``max_tension``, ``min_tension``, ``slack_cables``
-        The largest and the smallest tension, the number of slack cables, of a group or of ``all``.
-    ``lowest_eigenvalue``
-        Of the tangent stiffness.
-    """
+    examples: ClassVar[Examples] = (
+        {"displacement": "z", "nodes": [18, 23], "label": "lift of the tip"},
+        {"coordinate": "x", "nodes": [18]},
+        {"distance": True, "nodes": [1, 18]},
+        {"tension": "K1"},
+        {"reaction": "z", "nodes": [1]},
+        {"max_tension": "all"},
+        {"min_tension": "top"},
+        {"slack_cables": "all"},
+        {"lowest_eigenvalue": True},
+    )
 
     displacement: Axis | None = None
+    """Axis of a displacement from the last stage's equilibrium, the mean over `nodes`. Unit: length."""
     coordinate: Axis | None = None
+    """Axis of a coordinate, the mean over `nodes`. Unit: length."""
     distance: Literal[True] | None = None
+    """Distance between the two `nodes`. Unit: length."""
     tension: Identifier | None = None
+    """Member whose tension this is, or group for the mean over its members. Unit: force."""
     reaction: Axis | None = None
+    """Axis of the supports' force on the structure, the sum over `nodes`, which are held along it. Unit:
+    force."""
     max_tension: Identifier | None = None
+    """Group, or `all`, of whose members this is the largest tension. Unit: force."""
     min_tension: Identifier | None = None
+    """Group, or `all`, of whose members this is the smallest tension. Unit: force."""
     slack_cables: Identifier | None = None
+    """Group, or `all`, of which this is the number of slack cables. Unit: 1."""
     lowest_eigenvalue: Literal[True] | None = None
+    """Lowest eigenvalue of the tangent stiffness. Unit: force/length."""
     nodes: Nodes | None = Field(default=None, min_length=1)
+    """Ids of the nodes that the quantity is taken at."""
     label: str = ""
+    """Text for axes and tables; the name if left out."""
 
     @classmethod
     def _alternatives(cls) -> list[str]:

@@ -17,11 +17,11 @@ from tensegra.structure.load import load_values
 from tensegra.structure.mapping import SCHEMA as STRUCTURE_SCHEMA
 from tensegra.structure.plain import plain
 from tensegra.structure.problems import InvalidStructureError
-from tensegra.study.analyses import require_known_names
 from tensegra.study.derivatives import DIFFERENTIABLE
 from tensegra.study.distributions import with_plain_numbers
 from tensegra.study.entry import parse_entry
 from tensegra.study.measurements import read_columns
+from tensegra.study.names import require_known_names
 from tensegra.study.outputs import DIMENSIONS as OUTPUT_DIMENSIONS
 from tensegra.study.outputs import bind_output
 from tensegra.study.points import read_points

@@ -17,14 +17,14 @@ file                append rows
 """
 
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, Literal, Self, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from tensegra.errors import StudyError
-from tensegra.study.entry import Count, Entry, Flag, Identifier
+from tensegra.study.entry import Count, Entry, Examples, Flag, Identifier
 
 __all__ = [
     "Design",
@@ -56,17 +56,27 @@ class Sobol(Entry):
     standard deviations out.
     """
 
+    examples: ClassVar[Examples] = ({"sampler": "sobol", "sizes": 256, "scramble": True},)
+
     sampler: Literal["sobol"]
+    """Kind of design."""
     sizes: Sizes
+    """Number of points, or a list of instalments that are drawn one after the other. [1]"""
     scramble: Flag = True
+    """Whether the sequence is randomised by Owen's scrambling, which an error estimate needs."""
 
 
 class Halton(Entry):
     """Halton's sequence, scrambled or plain: even for any number of points."""
 
+    examples: ClassVar[Examples] = ({"sampler": "halton", "sizes": [100, 50], "scramble": True},)
+
     sampler: Literal["halton"]
+    """Kind of design."""
     sizes: Sizes
+    """Number of points, or a list of instalments that are drawn one after the other. [1]"""
     scramble: Flag = True
+    """Whether the sequence is randomised."""
 
 
 class LatinHypercube(Entry):
@@ -76,10 +86,18 @@ class LatinHypercube(Entry):
     with the square of the number of points); `centred` puts the points in the middle of the slices.
     """
 
+    examples: ClassVar[Examples] = (
+        {"sampler": "latin_hypercube", "sizes": 100, "optimised": True, "centred": False},
+    )
+
     sampler: Literal["latin_hypercube"]
+    """Kind of design."""
     sizes: Sizes
+    """Number of points, or a list of instalments, each a hypercube of its own. [1]"""
     optimised: Flag = False
+    """Whether the coordinates are shuffled until the centred discrepancy falls no more."""
     centred: Flag = False
+    """Whether the points stand in the middle of their slices."""
 
 
 class FullFactorial(Entry):
@@ -88,9 +106,16 @@ class FullFactorial(Entry):
     The levels include both ends of the box or, `centred`, are the middles of equal slices.
     """
 
+    examples: ClassVar[Examples] = (
+        {"sampler": "full_factorial", "levels": {"A14": 5, "A23": 3}, "centred": True},
+    )
+
     sampler: Literal["full_factorial"]
+    """Kind of design."""
     levels: Count | dict[Identifier, Count]
+    """Number of levels of each variable, one for all or by variable. [1]"""
     centred: Flag = False
+    """Whether the levels are the middles of equal slices; else they include both ends of the box."""
 
 
 class Saltelli(Entry):
@@ -101,10 +126,19 @@ class Saltelli(Entry):
     (2002) 280-297), and the order is SALib's.
     """
 
+    examples: ClassVar[Examples] = (
+        {"sampler": "saltelli", "sizes": 64, "second_order": False, "scramble": True},
+    )
+
     sampler: Literal["saltelli"]
+    """Kind of design."""
     sizes: Sizes
+    """Number of base points, or a list of instalments; a block has d + 2 points for d variables, or 2d + 2.
+    [1]"""
     second_order: Flag = False
+    """Whether the blocks hold the points for second-order indices, too."""
     scramble: Flag = True
+    """Whether the sequence is randomised."""
 
 
 Sampler: TypeAlias = Annotated[
@@ -115,8 +149,12 @@ Sampler: TypeAlias = Annotated[
 class Factor(Entry):
     """One factor of a product: a design over some of the variables."""
 
+    examples: ClassVar[Examples] = ({"variables": ["A14"], "design": {"sampler": "sobol", "sizes": 16}},)
+
     variables: tuple[Identifier, ...] = Field(min_length=1)
+    """Names of the variables of this factor."""
     design: Sampler
+    """Design over these variables."""
 
 
 class Product(Entry):
@@ -125,8 +163,20 @@ class Product(Entry):
     The paper's 100 actuations with 125 temperatures are a product of two Sobol designs.
     """
 
+    examples: ClassVar[Examples] = (
+        {
+            "sampler": "product",
+            "factors": [
+                {"variables": ["A14"], "design": {"sampler": "sobol", "sizes": 16}},
+                {"variables": ["A23"], "design": {"sampler": "halton", "sizes": 8}},
+            ],
+        },
+    )
+
     sampler: Literal["product"]
+    """Kind of design."""
     factors: tuple[Factor, ...] = Field(min_length=2)
+    """Designs over some of the variables each; every point of one is run with every point of the others."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -140,8 +190,12 @@ class Product(Entry):
 class FileDesign(Entry):
     """Points from a table, CSV or Parquet by its suffix, with a column for each variable."""
 
+    examples: ClassVar[Examples] = ({"sampler": "file", "file": "points.csv"},)
+
     sampler: Literal["file"]
+    """Kind of design."""
     file: str
+    """CSV or Parquet file relative to the study's, with a column for each variable."""
 
 
 Design: TypeAlias = Annotated[

@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from tensegra.study.entry import Count, Entry
+from tensegra.study.entry import Count, Entry, Examples
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,8 +38,13 @@ class SelectionEntry(Entry):
     outputs, which is the paper's rule, ``both`` the runs that satisfy both.
     """
 
+    examples: ClassVar[Examples] = ({"method": "both", "min_cluster_size": 40},)
+
     method: Method = "certificate"
+    """`certificate` keeps every run that the solver certifies, `hdbscan` the largest group of the outputs,
+    `both` the runs that satisfy both."""
     min_cluster_size: Annotated[Count, Field(ge=2)] = 40
+    """Smallest group that HDBSCAN looks for. [1]"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import Field
 
-from tensegra.study.entry import Count, Entry, Number, Positive
+from tensegra.study.entry import Count, Entry, Examples, Number, Positive
 
 if TYPE_CHECKING:
     from tensegra.mechanics import Batch, PathSettings
@@ -24,32 +24,42 @@ STEP_CONTROL = {"policy", "first_step", "smallest_step", "largest_move", "contra
 
 
 class SolverEntry(Entry):
-    """How the paths of all runs are followed; the keys are those of `tensegra.mechanics.PathSettings`.
+    """How the paths of all runs are followed; the keys are those of `tensegra.mechanics.PathSettings`."""
 
-    Parameters
-    ----------
-    path
-        ``adaptive``, or ``stepped``: the paper's plain procedure, in steps of `increment`.
-    policy
-        Where the stable branch ends: ``settle`` into the equilibrium below, ``stop``, or ``trace`` the
-        unstable branch.
-    first_step, smallest_step, largest_move, contraction, max_steps
-        Control of the adaptive steps.
-    residual
-        Relative residual at which an equilibrium is accepted.
-    increment
-        Largest relative change of a rest length in one step of the plain procedure.
-    """
+    examples: ClassVar[Examples] = (
+        {
+            "path": "adaptive",
+            "policy": "stop",
+            "first_step": 0.25,
+            "smallest_step": 1e-06,
+            "largest_move": 0.1,
+            "contraction": 0.5,
+            "max_steps": 5000,
+            "residual": 1e-09,
+            "increment": 0.01,
+        },
+    )
 
     path: Literal["adaptive", "stepped"] = "adaptive"
+    """`adaptive` steps with evidence that the branch is not left, or `stepped`: plain Newton–Raphson in steps
+    of `increment`."""
     policy: Literal["settle", "stop", "trace"] = "settle"
+    """What to do where the stable branch ends: `settle` into the equilibrium below, `stop`, or `trace` the
+    unstable branch."""
     first_step: Annotated[Positive, Field(le=1)] = 0.5
+    """First step, as a share of a stage. [1]"""
     smallest_step: Share = 2e-7
+    """Step below which a stage is given up, as a share of it. [1]"""
     largest_move: Positive = 0.15
+    """Largest move of a node in one step, as a share of the structure's size. [1]"""
     contraction: Share = 0.5
+    """Contraction of the iteration above which a step is cut. [1]"""
     max_steps: Count = 20_000
+    """Limit to the number of steps of a stage. [1]"""
     residual: Share = 1e-9
+    """Residual at which an equilibrium is accepted, relative to the largest tension or load. [1]"""
     increment: Positive = 0.01
+    """Largest relative change of a rest length in one step of the plain procedure. [1]"""
 
     @property
     def acting(self) -> dict[str, object]:

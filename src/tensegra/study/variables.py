@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 from tensegra.errors import StudyError
 from tensegra.structure import Stage, Structure
 from tensegra.structure.checks import LONGEST_FACTOR
 from tensegra.structure.overlaps import find_overlaps, member_parts
 from tensegra.study.distributions import Distribution, as_distribution
-from tensegra.study.entry import Entry, Identifier, OneOf
+from tensegra.study.entry import Entry, Examples, Identifier, OneOf
 from tensegra.study.law_entries import DistributionEntry
 from tensegra.units import LARGEST, SMALLEST, Dimension, is_sane
 
@@ -31,8 +31,12 @@ Axis = Literal["x", "y", "z"]
 class Coordinate(Entry):
     """One coordinate of a node."""
 
+    examples: ClassVar[Examples] = ({"node": 9, "axis": "z"},)
+
     node: Identifier
+    """Id of the node."""
     axis: Axis
+    """Axis of the coordinate."""
 
     def __str__(self) -> str:
         return f"{self.node}.{self.axis}"
@@ -41,8 +45,12 @@ class Coordinate(Entry):
 class Prestress(Entry):
     """The change of rest length that a stage gives to members, one value for all of them."""
 
+    examples: ClassVar[Examples] = ({"stage": "prestress", "members": ["K1", "K2"]},)
+
     stage: Identifier
+    """Name of the stage."""
     members: tuple[Identifier, ...]
+    """Ids of the members that the stage gives this change of rest length."""
 
     def __str__(self) -> str:
         return f"{self.stage}: {', '.join(self.members)}"
@@ -65,38 +73,44 @@ DIMENSIONS: dict[str, Dimension] = {
 
 
 class VariableEntry(OneOf):
-    """A variable as a study file writes it: what it acts on, and its distribution.
+    """A variable as a study file writes it: what it acts on, and its distribution."""
 
-    ``actuator``
-        The actuator's value.
-    ``temperature``
-        Difference of temperature of a member or a group, added to that of the stages; those of a
-        group and of its member add up.
-    ``youngs_modulus``, ``area``, ``rest_length``
-        The value itself, of a material, of a member or group, of a member, before all stages; it
-        takes the place of what the structure and the study's `changes` say.
-    ``rest_length_error``
-        Relative error of the rest length of a member, or of all members of a group, before all stages: as
-        it was cut. 0.001 is a thousandth too long.
-    ``load``
-        Force on a node along an axis, added to the last stage's.
-    ``position``
-        Shift of a support along an axis.
-    ``prestress``
-        The value, in a stage's `rest_length_changes`, of the members named.
-    """
+    examples: ClassVar[Examples] = (
+        {"actuator": "A14", "distribution": {"uniform": [0.09, 0.1]}, "label": "actuation of the top cables"},
+        {"temperature": "top", "distribution": {"uniform": [0, 150]}},
+        {"youngs_modulus": "steel", "distribution": {"normal": {"mean": 11500, "std": 200}}},
+        {"area": "top", "distribution": {"normal": [0.5, 0.01]}},
+        {"rest_length": "K1", "distribution": {"uniform": [295, 300]}},
+        {"rest_length_error": "top", "distribution": {"normal": {"mean": 0, "std": 0.001}}},
+        {"load": {"node": 9, "axis": "z"}, "distribution": {"uniform": [-1, 0]}},
+        {"position": {"node": 1, "axis": "z"}, "distribution": {"normal": [0, 0.1]}},
+        {"prestress": {"stage": "prestress", "members": ["K1"]}, "distribution": {"uniform": [-0.03, -0.02]}},
+    )
 
     actuator: Identifier | None = None
+    """Actuator whose value this is, a relative change of rest length. Unit of its law: 1."""
     temperature: Identifier | None = None
+    """Member or group whose difference of temperature this is, added to that of the stages. Unit of its law:
+    temperature."""
     youngs_modulus: Identifier | None = None
+    """Material whose modulus this is. Unit of its law: force/length^2."""
     area: Identifier | None = None
+    """Member or group whose cross-section this is. Unit of its law: length^2."""
     rest_length: Identifier | None = None
+    """Member whose rest length before all stages this is. Unit of its law: length."""
     rest_length_error: Identifier | None = None
+    """Member, or group of members, whose rest lengths before all stages are longer by this relative error, as
+    they were cut: 0.001 is a thousandth too long. Unit of its law: 1."""
     load: Coordinate | None = None
+    """Node and axis of a force that is added to the last stage's. Unit of its law: force."""
     position: Coordinate | None = None
+    """Node and axis of a support that is shifted by this. Unit of its law: length."""
     prestress: Prestress | None = None
+    """Stage and members whose entry in `rest_length_changes` this is. Unit of its law: 1."""
     distribution: DistributionEntry
+    """Law of the variable, which for a question about the best value is the range to look in."""
     label: str = ""
+    """Text for axes and tables; the name if left out."""
 
     @classmethod
     def _alternatives(cls) -> list[str]:
