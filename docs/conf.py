@@ -1,9 +1,12 @@
 """How Sphinx builds the site: ``scripts/docs``."""
 
 import os
+import re
 import sys
 from pathlib import Path
 
+import myst_nb.core.render
+from nbformat import NotebookNode
 from sphinx.application import Sphinx
 
 import tensegra
@@ -59,6 +62,8 @@ numpydoc_xref_param_type = False
 # -- looks -------------------------------------------------------------------------------------------
 html_theme = "pydata_sphinx_theme"
 html_title = "tensegra"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
@@ -71,6 +76,30 @@ html_theme_options = {
     "pygments_light_style": "tango",
 }
 html_sidebars = {"index": [], "why": [], "benchmarks": []}
+
+
+def joined(outputs: list[NotebookNode]) -> list[NotebookNode]:
+    """Return the outputs of a cell with each stream in one piece, and without a terminal's codes.
+
+    What commands print comes in pieces of a hundred letters, which MyST-NB would join by line ends.
+    """
+    made: list[NotebookNode] = []
+    streams: dict[str, NotebookNode] = {}
+    for output in outputs:
+        if output["output_type"] != "stream":
+            made.append(output)
+        elif output["name"] in streams:
+            streams[output["name"]]["text"] += output["text"]
+        else:
+            streams[output["name"]] = output
+            made.append(output)
+    for output in streams.values():
+        output["text"] = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", output["text"])
+    # What goes to stderr, such as progress, comes before the result.
+    return sorted(made, key=lambda output: output.get("name") != "stderr")
+
+
+myst_nb.core.render.coalesce_streams = joined
 
 
 def setup(app: Sphinx) -> None:

@@ -54,7 +54,9 @@ def _name(command: CommandInfo) -> str:
 def _value(kind: object) -> str:
     """Return the word for a value of a type that has none of its own."""
     text = str(kind)
-    return next((word for part, word in (("Path", "FILE"), ("int", "N"), ("float", "X")) if part in text), "TEXT")
+    return next(
+        (word for part, word in (("Path", "FILE"), ("int", "N"), ("float", "X")) if part in text), "TEXT"
+    )
 
 
 def _cell(text: str) -> str:

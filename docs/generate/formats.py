@@ -37,7 +37,16 @@ LAWS = (
     *("DistributionEntry", "Uniform", "Normal", "TruncatedNormal", "Lognormal", "Beta", "Triangular"),
     *("Exponential", "Weibull", "Discrete", "Empirical"),
 )
-SAMPLERS = ("Sobol", "Halton", "LatinHypercube", "FullFactorial", "Saltelli", "Product", "Factor", "FileDesign")
+SAMPLERS = (
+    "Sobol",
+    "Halton",
+    "LatinHypercube",
+    "FullFactorial",
+    "Saltelli",
+    "Product",
+    "Factor",
+    "FileDesign",
+)
 ANALYSES = (
     *("AnalysisEntry", "Propagation", "Sensitivity", "Morris", "Optimisation", "Robust", "Inverse"),
     *("Calibration", "Predict", "InputLaw"),
@@ -94,7 +103,9 @@ from which this page is made.
 A **bold** key must be there. Numbers are in the units of the structure."""
 
 
-def _format_page(title: str, schema: Schema, names: tuple[str, ...], where: Mapping[str, str], intro: str) -> str:
+def _format_page(
+    title: str, schema: Schema, names: tuple[str, ...], where: Mapping[str, str], intro: str
+) -> str:
     parts = [f"# {title}\n\n{intro}\n\n## The file\n\n{_table(schema, schema, where)}"]
     return "\n".join([*parts, *(_definition(name, schema, where) for name in names)])
 
@@ -102,7 +113,11 @@ def _format_page(title: str, schema: Schema, names: tuple[str, ...], where: Mapp
 def _definition(name: str, schema: Schema, where: Mapping[str, str]) -> str:
     entry = schema["$defs"][name]
     text = f"({_anchor(name)})=\n## {_title(name)}\n\n{entry['description']}\n"
-    full = entry if "properties" in entry else next((e for e in entry.get("anyOf", ()) if "properties" in e), None)
+    full = (
+        entry
+        if "properties" in entry
+        else next((e for e in entry.get("anyOf", ()) if "properties" in e), None)
+    )
     if full is None:
         return f"{text}\n{_type(entry, where)}\n"
     if any(e.get("type") == "array" for e in entry.get("anyOf", ())):
@@ -145,7 +160,9 @@ def _table(entry: Schema, schema: Schema, where: Mapping[str, str]) -> str:
 
 
 def _several(kind: str) -> str:
-    return {"name": "names", "number": "numbers", "whole number": "whole numbers", "text": "texts"}.get(kind, kind)
+    return {"name": "names", "number": "numbers", "whole number": "whole numbers", "text": "texts"}.get(
+        kind, kind
+    )
 
 
 def _code(value: object) -> str:

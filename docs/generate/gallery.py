@@ -28,10 +28,18 @@ SHOWN: Mapping[str, tuple[Callable[[], Structure], Mapping[str, float], str]] = 
         {"A14": 0.10, "A23": 0.10},
         "Four such beams on a circle, closed by the same actuators.",
     ),
-    "d-bar": (library.d_bar, {}, "A rhombus of bars around two cables, with no support in its plane but three."),
+    "d-bar": (
+        library.d_bar,
+        {},
+        "A rhombus of bars around two cables, with no support in its plane but three.",
+    ),
     "levy-dome": (library.levy_dome, {}, "A dome of cables and posts under tension, inside a stiff ring."),
     "grid": (library.grid, {}, "A net of cables that cross at pulleys."),
-    "hanging-chain": (library.hanging_chain, {}, "A chain under its own weight, which takes the form of a catenary."),
+    "hanging-chain": (
+        library.hanging_chain,
+        {},
+        "A chain under its own weight, which takes the form of a catenary.",
+    ),
 }
 """By name: the structure, its actuation, and a sentence."""
 

@@ -50,11 +50,17 @@ def pages(_folder: Path) -> dict[str, str]:
     rows = sorted({row for path in _sources() for row in _reasons(path)}, key=_order)
     parts.append(REASONS + "\n".join(f"| `{s}` | {reason} | `{file}` |" for s, reason, file in rows) + "\n")
     raised = [
-        (name, found.__bases__[0].__name__, (inspect.getdoc(found) or "").partition("\n\n")[0].replace("\n", " "))
+        (
+            name,
+            found.__bases__[0].__name__,
+            (inspect.getdoc(found) or "").partition("\n\n")[0].replace("\n", " "),
+        )
         for name, found in vars(errors).items()
         if inspect.isclass(found) and issubclass(found, Exception) and found.__module__ == errors.__name__
     ]
-    parts.append(ERRORS + "\n".join(f"| `{name}` | `{base}` | {text} |" for name, base, text in raised) + "\n")
+    parts.append(
+        ERRORS + "\n".join(f"| `{name}` | `{base}` | {text} |" for name, base, text in raised) + "\n"
+    )
     return {"statuses.md": "\n".join(parts)}
 
 

@@ -34,14 +34,19 @@ def pages(folder: Path) -> dict[str, str]:
     tests = folder.parents[1] / "tests"
     rows = [_compared(path) for path in sorted((tests / "validation" / "cases").glob("*.structure.json"))]
     parts = [HEAD + "\n".join(rows) + "\n"]
-    for kind, title in (("validation", "Validation, test by test"), ("verification", "Verification, test by test")):
+    for kind, title in (
+        ("validation", "Validation, test by test"),
+        ("verification", "Verification, test by test"),
+    ):
         parts.append(f"## {title}\n")
         parts += [_told(path) for path in sorted((tests / kind).glob("test_*.py"))]
     return {"verification.md": "\n".join(parts)}
 
 
 def _compared(path: Path) -> str:
-    expected = json.loads(path.with_name(path.name.replace(".structure.", ".expected.")).read_text(encoding="utf-8"))
+    expected = json.loads(
+        path.with_name(path.name.replace(".structure.", ".expected.")).read_text(encoding="utf-8")
+    )
     structure = read_structure(path)
     solved = solve_path(structure)
     size = np.ptp(structure.coordinates, axis=0).max()
