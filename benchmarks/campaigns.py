@@ -1,6 +1,6 @@
 """What a campaign costs beside its solver, and what clustering 100,000 runs takes.
 
-    python benchmarks/campaigns.py [rounds]
+    python -m benchmarks.campaigns [rounds]
 
 Processor time of the same 100,000 points of the five-variable design, solved as a campaign (blocks, shards
 with checksums, manifest) and by the solver alone, interleaved in one process; then HDBSCAN, as the study's
@@ -13,7 +13,7 @@ import tempfile
 import time
 from statistics import median
 
-from tensegra.benchmark.fresh import peak_bytes
+from benchmarks.solver.fresh import peak_bytes
 from tensegra.study import Study, design_points, parse_study, select
 
 N_POINTS = 100_000

@@ -1,6 +1,6 @@
 """How often the 95 % intervals of a propagation hold the truth.
 
-    python benchmarks/coverage.py [--repeats 200]
+    python -m benchmarks.coverage [--repeats 200]
 
 Smooth, lognormal and counted outputs of three random inputs, by Monte Carlo and by randomised quasi-Monte
 Carlo. Every truth is a closed form. Printed is the share of repeats (each of its own seed) in which the

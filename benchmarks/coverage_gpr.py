@@ -1,6 +1,6 @@
 """How much of the truth the 90 % interval of a Gaussian process covers, on few runs of known functions.
 
-    python benchmarks/coverage_gpr.py [SEEDS]
+    python -m benchmarks.coverage_gpr [SEEDS]
 
 100, 200 and 500 runs of a Sobol design of the functions of `functions.py`, 4,000 random points each.
 """
@@ -8,8 +8,8 @@
 import sys
 
 import numpy as np
-from functions import CASES, Case
 
+from benchmarks.functions import CASES, Case
 from tensegra.surrogate import fit
 
 RUNS = (100, 200, 500)

@@ -1,6 +1,6 @@
 """What a run costs by either procedure, as a multiple of one `dpotrf` of 60 unknowns.
 
-    python benchmarks/outcomes.py [runs] [rounds]
+    python -m benchmarks.outcomes [runs] [rounds]
 
 The random actuations of `examples/outcomes.py`: both beams, two actuators in [1, 10] % with gravity and
 four in [1, 30] % without, by the path follower and by the plain procedure of the source, on one thread;
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tensegra.benchmark.timing import REFERENCE, Spread, blas_in_words, interleaved
+from benchmarks.solver.timing import REFERENCE, Spread, blas_in_words, interleaved
 from tensegra.mechanics import PathSettings, Status, solve_batch
 from tensegra.structure import apply_changes, library
 

@@ -1,6 +1,6 @@
 """Sparse polynomial chaos beside OpenTURNS (`pip install tensegra[openturns]`).
 
-    python benchmarks/sparse_chaos.py [SEEDS]
+    python -m benchmarks.sparse_chaos [SEEDS]
 
 Relative mean square error on 10,000 random points, of a Sobol design: Ishigami with 200 runs, Borehole with
 100, G-function with 500. OpenTURNS searches with LARS and the corrected leave-one-out error in hyperbolic
@@ -15,10 +15,10 @@ import warnings
 from collections.abc import Callable
 
 import numpy as np
-from functions import CASES, Case
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import lars_path, orthogonal_mp
 
+from benchmarks.functions import CASES, Case
 from tensegra.surrogate import fit
 from tensegra.surrogate.basis import Basis
 from tensegra.surrogate.coordinates import Coordinates

@@ -1,6 +1,6 @@
 """A surrogate that knows where not to answer: the beam over [0, 30] % of three actuators, without gravity.
 
-    python benchmarks/surrogate_regimes.py [number of runs, 100000] [folder to keep the solved runs in]
+    python -m benchmarks.surrogate_regimes [number of runs, 100000] [folder to keep the solved runs in]
 
 About 80 % of the designs keep all cables taut, some have slack cables, 16 % collapse. 8,192 further designs
 are held out.

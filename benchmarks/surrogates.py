@@ -1,9 +1,9 @@
 """Error and time of the surrogates on the source paper's five-variable design.
 
-    python benchmarks/surrogates.py               errors, coverage, time of 100,000 predictions
-    python benchmarks/surrogates.py coverage      coverage of the 90 % intervals over seeds and designs
-    python benchmarks/surrogates.py derivatives   runs with and without derivatives
-    python benchmarks/surrogates.py field         all coordinates and tensions
+    python -m benchmarks.surrogates               errors, coverage, time of 100,000 predictions
+    python -m benchmarks.surrogates coverage      coverage of the 90 % intervals over seeds and designs
+    python -m benchmarks.surrogates derivatives   runs with and without derivatives
+    python -m benchmarks.surrogates field         all coordinates and tensions
 
 1,000 runs to learn from, 2,500 held out; the outputs are the displacements v and w of node 23. The source
 reports, for 1,000 runs: Gaussian process 630 s and 1e-5 %, network 147 s and 1e-2 %, and 3.0 ms for 100,000

@@ -6,11 +6,14 @@
 53.15
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from tensegra.presented import present_by
 from tensegra.savable import register as _register
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from tensegra.analysis import (
         Calibration,
         FunctionModel,
@@ -34,14 +37,26 @@ if TYPE_CHECKING:
     from tensegra.exchange import read_structure
     from tensegra.mechanics import (
         Batch,
+        Equilibrium,
         EquilibriumPath,
         PathSettings,
+        SelfStress,
         Session,
         Status,
+        Vibration,
+        natural_frequencies,
+        prestress_stiffness,
+        self_stress,
         solve_batch,
         solve_path,
     )
+    from tensegra.presented import Presenter
+    from tensegra.report import check_structure, check_study, write_report
     from tensegra.structure import (
+        Actuator,
+        Material,
+        Member,
+        Stage,
         Structure,
         Units,
         apply_changes,
@@ -49,27 +64,43 @@ if TYPE_CHECKING:
         parse_structure,
         write_structure,
     )
-    from tensegra.study import Campaign, Study, TrainingData, open_campaign, parse_study, read_study
-    from tensegra.surrogate import Surrogate, fit
+    from tensegra.study import (
+        Campaign,
+        Study,
+        TrainingData,
+        design_points,
+        open_campaign,
+        parse_study,
+        read_study,
+        select,
+    )
+    from tensegra.surrogate import OutsideBoxWarning, Surrogate, Validation, choose, fit, learn
     from tensegra.surrogate import load as load_surrogate
 
     __version__: str
 
 __all__ = [
+    "Actuator",
     "Batch",
     "Calibration",
     "Campaign",
+    "Equilibrium",
     "EquilibriumPath",
     "FunctionModel",
+    "Material",
+    "Member",
     "ModelError",
     "Optimum",
+    "OutsideBoxWarning",
     "PathSettings",
     "Propagation",
     "RobustOptimum",
     "Screening",
+    "SelfStress",
     "Sensitivity",
     "Session",
     "SolverError",
+    "Stage",
     "Status",
     "Structure",
     "Study",
@@ -79,33 +110,49 @@ __all__ = [
     "TrainingData",
     "Trajectory",
     "Units",
+    "Validation",
+    "Vibration",
     "__version__",
     "apply_changes",
     "calibrate",
     "chaos_indices",
+    "check_structure",
+    "check_study",
+    "choose",
+    "design_points",
     "fit",
+    "learn",
     "library",
     "load_surrogate",
     "morris_screening",
+    "natural_frequencies",
     "open_campaign",
     "optimise",
     "parse_structure",
     "parse_study",
+    "prestress_stiffness",
     "propagate",
     "reach",
     "read_measurements",
     "read_structure",
     "read_study",
     "robust_optimise",
+    "select",
+    "self_stress",
     "sobol_indices",
     "solve_batch",
     "solve_path",
+    "write_report",
     "write_structure",
 ]
 
 _HOMES = {
     "errors": ("ModelError", "SolverError", "StudyError", "TensegraError"),
     "structure": (
+        "Actuator",
+        "Material",
+        "Member",
+        "Stage",
         "Structure",
         "Units",
         "apply_changes",
@@ -116,15 +163,30 @@ _HOMES = {
     "exchange": ("read_structure",),
     "mechanics": (
         "Batch",
+        "Equilibrium",
         "EquilibriumPath",
         "PathSettings",
+        "SelfStress",
         "Session",
         "Status",
+        "Vibration",
+        "natural_frequencies",
+        "prestress_stiffness",
+        "self_stress",
         "solve_batch",
         "solve_path",
     ),
-    "study": ("Campaign", "Study", "TrainingData", "open_campaign", "parse_study", "read_study"),
-    "surrogate": ("Surrogate", "fit", "load_surrogate"),
+    "study": (
+        "Campaign",
+        "Study",
+        "TrainingData",
+        "design_points",
+        "open_campaign",
+        "parse_study",
+        "read_study",
+        "select",
+    ),
+    "surrogate": ("OutsideBoxWarning", "Surrogate", "Validation", "choose", "fit", "learn", "load_surrogate"),
     "analysis": (
         "Calibration",
         "FunctionModel",
@@ -144,17 +206,18 @@ _HOMES = {
         "robust_optimise",
         "sobol_indices",
     ),
+    "report": ("check_structure", "check_study", "write_report"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 _NAMES_AT_HOME = {"load_surrogate": "load"}
 
 
-def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above
+def __getattr__(name: str) -> "Any":  # noqa: ANN401 - any of the names above
     """Import a name where it is first asked for, so that `import tensegra` is quick."""
     if name == "__version__":
         from importlib.metadata import version
 
-        value: Any = version("tensegra")
+        value: object = version("tensegra")
     elif name in _HOME_OF:
         from importlib import import_module
 
@@ -166,10 +229,21 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    """List what the package offers, not what it is made of."""
+    return sorted(__all__)
 
 
-def _save(what: Any, path: Any, format: str | None) -> None:  # noqa: A002, ANN401 - what the formats take
+def _presenter() -> "Presenter":
+    """Bring who draws results; the one arrow from the floors below up to the report starts here."""
+    from tensegra.report import presenting
+
+    return presenting
+
+
+present_by(_presenter)
+
+
+def _save(what: "Any", path: "Any", format: str | None) -> None:  # noqa: A002, ANN401 - what the formats take
     from tensegra.report.export import save
 
     save(what, path, format)

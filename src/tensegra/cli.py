@@ -16,6 +16,7 @@ from typing import Annotated
 
 import typer
 
+from tensegra.commands import Commands
 from tensegra.errors import TensegraError, shortened
 from tensegra.file_commands import add_commands
 
@@ -31,6 +32,7 @@ DONE, NUMERICAL_FAILURE, BAD_INPUT = 0, 1, 2
 
 app = typer.Typer(
     name="tensegra",
+    cls=Commands,
     help="Statics, uncertainty and optimisation of classical and clustered tensegrity structures.",
     no_args_is_help=True,
     add_completion=False,
@@ -278,56 +280,6 @@ def report(
     with progress() as listener:
         written = write_report(open_campaign(campaign), output, figures=figures, listener=listener)
     show_report(written, as_json=as_json)
-
-
-@app.command()
-def reproduce(
-    scale: Annotated[
-        float, typer.Option("--scale", help="Share of the publication's numbers of runs, above 0, at most 1.")
-    ] = 1.0,
-    structure: Annotated[
-        str, typer.Option("--structure", metavar="NAME", help="paper_beam or paper_beam_slender.")
-    ] = "paper_beam",
-    seed: Annotated[int, typer.Option("--seed", help="From which all random choices come.")] = 1,
-    folder: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FOLDER", help="runs/reproduction- and the name if left out."),
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Make every table and figure of the source paper again, beside the printed values."""
-    from tensegra.report.paper import reproduce as reproduce_paper
-    from tensegra.terminal import show_reproduction
-
-    made = reproduce_paper(
-        folder if folder is not None else Path("runs") / f"reproduction-{structure}",
-        scale=scale,
-        structure=structure,
-        seed=seed,
-        tell=lambda line: typer.echo(line, err=True),
-    )
-    show_reproduction(made, as_json=as_json)
-    raise typer.Exit(DONE if made.succeeded else NUMERICAL_FAILURE)
-
-
-@app.command()
-def bench(
-    quick: Annotated[bool, typer.Option("--quick", help="Smaller sizes and fewer repetitions.")] = False,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Write the tables to a Markdown file.")
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Measure how fast this machine solves, beside its limit and other programs."""
-    from tensegra.benchmark import FULL, QUICK, measure, to_markdown
-    from tensegra.progress import progress
-    from tensegra.terminal import show_benchmark
-
-    with progress() as listener:
-        benchmark = measure(QUICK if quick else FULL, listener)
-    if output is not None:
-        output.write_text(to_markdown(benchmark), encoding="utf-8")
-    show_benchmark(benchmark, as_json=as_json)
 
 
 add_commands(app)

@@ -26,20 +26,19 @@ from tensegra.report.tables import (
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tensegra.benchmark import Benchmark
     from tensegra.mechanics import EquilibriumPath
     from tensegra.report.check import StructureCheck, StudyCheck
-    from tensegra.report.paper import Reproduction
     from tensegra.report.results import Results
     from tensegra.study import Campaign
     from tensegra.study.cost import Probe
 
 __all__ = [
-    "show_benchmark",
+    "print_json",
+    "print_line",
+    "print_table",
     "show_dry_run",
     "show_path",
     "show_report",
-    "show_reproduction",
     "show_results",
     "show_state",
     "show_structure_check",
@@ -64,33 +63,33 @@ _STATUS_STYLES = {
 def show_structure_check(result: "StructureCheck", *, as_json: bool = False) -> None:
     """Show a structure, its counts and whether it stands."""
     if as_json:
-        _print_json(result.to_dict())
+        print_json(result.to_dict())
         return
-    _print_table(structure_table(result.structure))
-    _print_table(stage_table(result.path))
-    _print_table(event_table(result.path))
-    _print_table(member_table(result))
+    print_table(structure_table(result.structure))
+    print_table(stage_table(result.path))
+    print_table(event_table(result.path))
+    print_table(member_table(result))
     if result.path.final.status != "failed":
-        _print_table(reaction_table(result.path.final))
+        print_table(reaction_table(result.path.final))
     for line in check_lines(result):
-        _print_line(line)
+        print_line(line)
 
 
 def show_study_check(result: "StudyCheck", *, as_json: bool = False) -> None:
     """Show what a study varies, wants and asks."""
     if as_json:
-        _print_json(result.to_dict())
+        print_json(result.to_dict())
         return
     from tensegra.report.study_tables import analysis_table, output_table, surrogate_table, variable_table
 
     study = result.study
-    _print_line(repr(study))
-    _print_line(repr(study.structure))
-    _print_line()
+    print_line(repr(study))
+    print_line(repr(study.structure))
+    print_line()
     for table in (variable_table(study), output_table(study), surrogate_table(study), analysis_table(study)):
-        _print_table(table)
+        print_table(table)
     for advice in study.advice:
-        _print_line(f"Note: {advice}.")
+        print_line(f"Note: {advice}.")
 
 
 def show_dry_run(result: "StudyCheck", cost: "Probe", *, as_json: bool = False) -> None:
@@ -99,54 +98,56 @@ def show_dry_run(result: "StudyCheck", cost: "Probe", *, as_json: bool = False) 
 
     parts = estimate(result.study, cost)
     if as_json:
-        _print_json({**result.to_dict(), "cost": cost.to_dict(), "after": [part.to_dict() for part in parts]})
+        print_json({**result.to_dict(), "cost": cost.to_dict(), "after": [part.to_dict() for part in parts]})
         return
     show_study_check(result)
-    _print_table(estimate_table(parts))
-    _print_line(str(cost))
+    print_table(estimate_table(parts))
+    print_line(str(cost))
 
 
 def show_path(path: "EquilibriumPath", *, as_json: bool = False) -> None:
     """Show the equilibria of a history and where it ends."""
     if as_json:
-        _print_json(path.to_dict())
+        print_json(path.to_dict())
         return
-    _print_line(repr(path.structure))
-    _print_line()
-    _print_table(stage_table(path))
-    _print_table(event_table(path))
+    print_line(repr(path.structure))
+    print_line()
+    print_table(stage_table(path))
+    print_table(event_table(path))
     if path.final.status != "failed":
         if path.actuation is not None:
-            _print_table(displacement_table(path))
-        _print_table(tension_table(path.final))
-        _print_table(reaction_table(path.final))
+            print_table(displacement_table(path))
+        print_table(tension_table(path.final))
+        print_table(reaction_table(path.final))
     slack = path.final.slack_members
     if slack:
-        _print_line(f"Slack: {', '.join(slack)}.")
+        print_line(f"Slack: {', '.join(slack)}.")
     free = path.final.rigid_motions
     if free:
-        _print_line(f"Free, held by neither supports nor loads: {', '.join(free)}.")
+        print_line(f"Free, held by neither supports nor loads: {', '.join(free)}.")
+    for warning in path.final.warnings:
+        print_line(f"Warning: {warning}.")
     reason = f": {path.reason}" if path.reason else ""
-    _print_line(f"The history is {path.status}{reason}.")
+    print_line(f"The history is {path.status}{reason}.")
 
 
 def show_results(results: "Results", *, as_json: bool = False) -> None:
     """Show what a study has led to."""
     if as_json:
-        _print_json(results.to_dict())
+        print_json(results.to_dict())
         return
     from tensegra.report.analysis_tables import result_tables
     from tensegra.report.study_tables import outcome_table, validation_table
 
-    _print_table(outcome_table(results.campaign.state()))
-    _print_table(validation_table(results))
+    print_table(outcome_table(results.campaign.state()))
+    print_table(validation_table(results))
     for table in result_tables(results):
-        _print_table(table)
+        print_table(table)
     for failure in results.index.failures:
-        _print_line(f"Could not be had: {failure}.")
+        print_line(f"Could not be had: {failure}.")
     seconds = results.index.seconds
     runs = f"of which {seconds['campaign']:.1f} s for the runs"
-    _print_line(f"{results.folder}: done in {seconds['total']:.1f} s, {runs}.")
+    print_line(f"{results.folder}: done in {seconds['total']:.1f} s, {runs}.")
 
 
 def show_state(campaign: "Campaign", *, as_json: bool = False) -> None:
@@ -155,12 +156,12 @@ def show_state(campaign: "Campaign", *, as_json: bool = False) -> None:
 
     state = campaign.state()
     if as_json:
-        _print_json(state_to_dict(campaign, state))
+        print_json(state_to_dict(campaign, state))
         return
-    _print_line(repr(campaign))
-    _print_line()
-    _print_table(outcome_table(state))
-    _print_table(reason_table(state))
+    print_line(repr(campaign))
+    print_line()
+    print_table(outcome_table(state))
+    print_table(reason_table(state))
     line = (
         f"{state.n_done} of {state.n_points} runs done, {state.n_failed} failed, {state.n_pending} pending."
     )
@@ -169,46 +170,19 @@ def show_state(campaign: "Campaign", *, as_json: bool = False) -> None:
         where = "" if state.host == platform.node() else f" on {state.host} (unless it died there)"
         line += f" Process {state.driver}{where} is running it"
         line += f", {state.rate:.3g} runs/s, {state.seconds_left:.0f} s left." if state.rate > 0 else "."
-    _print_line(line)
+    print_line(line)
 
 
 def show_report(path: "Path", *, as_json: bool = False) -> None:
     """Show where a report has been written."""
     if as_json:
-        _print_json({"report": str(path)})
+        print_json({"report": str(path)})
     else:
-        _print_line(str(path))
+        print_line(str(path))
 
 
-def show_reproduction(made: "Reproduction", *, as_json: bool = False) -> None:
-    """Show how the publication's values compare with ours; the reasons stand in the report."""
-    if as_json:
-        _print_json(made.to_dict())
-        return
-    from tensegra.report.paper.comparison import short_table
-
-    for finished in made.chapters:
-        _print_table(short_table(finished.chapter.title, finished.chapter.rows))
-    for finding in (text for finished in made.chapters for text in finished.chapter.findings):
-        _print_line(f"- {finding}")
-    for failure in made.failures:
-        _print_line(f"Could not be had: {failure}.")
-    _print_line(made.summary)
-    _print_line(f"{made.report}, {made.table}")
-
-
-def show_benchmark(benchmark: "Benchmark", *, as_json: bool = False) -> None:
-    """Show what a machine was measured to do."""
-    if as_json:
-        _print_json(benchmark.to_dict())
-        return
-    _print_line(f"{benchmark.machine}.")
-    _print_line()
-    for table in benchmark.tables():
-        _print_table(table)
-
-
-def _print_json(content: dict[str, Any]) -> None:
+def print_json(content: dict[str, Any]) -> None:
+    """Print a result for a program."""
     # JSON has a way to write every letter in ASCII; a stream that cannot show one would lose it.
     plain = not (sys.stdout.encoding or "ascii").lower().replace("-", "").startswith("utf")
     json.dump(content, sys.stdout, indent=1, ensure_ascii=plain, allow_nan=False)
@@ -221,11 +195,12 @@ def _console() -> Console:
     return console if console.width >= NARROWEST else Console(width=USUAL_WIDTH)
 
 
-def _print_line(text: str = "") -> None:
+def print_line(text: str = "") -> None:
+    """Print a line of words."""
     _console().print(escape(text), soft_wrap=True, highlight=False)
 
 
-def _print_table(table: Table) -> None:
+def print_table(table: Table) -> None:
     """Print a table; an empty one is left out."""
     if not table.rows:
         return

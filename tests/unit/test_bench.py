@@ -4,14 +4,14 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-import tensegra.benchmark
-from tensegra.benchmark import FULL, QUICK, Sizes, growth, measure, peers, to_markdown
-from tensegra.benchmark.batches import Batches, measure_batches
-from tensegra.benchmark.kernel_times import PARTS, Pack
-from tensegra.benchmark.processes import measure_first_call, measure_memory
-from tensegra.benchmark.roofline import PER_BLOCK, PER_PIVOT, factor_work
-from tensegra.benchmark.timing import Spread, exponent, interleaved
-from tensegra.cli import main
+from benchmarks import __main__ as command
+from benchmarks.solver import growth, peers
+from benchmarks.solver.batches import Batches, measure_batches
+from benchmarks.solver.everything import FULL, QUICK, Sizes, measure, to_markdown
+from benchmarks.solver.kernel_times import PARTS, Pack
+from benchmarks.solver.processes import measure_first_call, measure_memory
+from benchmarks.solver.roofline import PER_BLOCK, PER_PIVOT, factor_work
+from benchmarks.solver.timing import Spread, exponent, interleaved
 from tensegra.mechanics.arrays import structure_arrays
 from tensegra.mechanics.pattern import build_pattern
 from tensegra.structure import library
@@ -133,10 +133,10 @@ def test_the_command_shows_and_writes(monkeypatch, capsys, tmp_path, tiny, as_js
         asked.append(sizes)
         return tiny[0]
 
-    monkeypatch.setattr(tensegra.benchmark, "measure", measured)
+    monkeypatch.setattr(command, "measure", measured)
     file = tmp_path / "bench.md"
     with pytest.raises(SystemExit) as left:
-        main(["bench", "--quick", "-o", str(file), *(["--json"] if as_json else [])])
+        command.app(["--quick", "-o", str(file), *(["--json"] if as_json else [])])
     out = capsys.readouterr().out
     assert not left.value.code
     assert asked == [QUICK]

@@ -1,5 +1,8 @@
+import ast
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -57,3 +60,28 @@ def test_reading_a_structure_file_loads_nothing_heavy(tmp_path):
     )
     ran = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)  # noqa: S603
     assert ran.stdout.strip() == "[]"
+
+
+def test_the_package_lists_what_it_offers_and_nothing_else():
+    assert dir(tg) == sorted(tg.__all__)
+    assert not {"Any", "TYPE_CHECKING", "present_by", "presented"} & set(dir(tg))
+
+
+def test_names_are_the_same_objects_as_at_home():
+    from tensegra.mechanics import self_stress
+    from tensegra.structure import Member
+    from tensegra.surrogate import load
+
+    assert (tg.self_stress, tg.Member, tg.load_surrogate) == (self_stress, Member, load)
+
+
+def test_the_names_of_pages_and_examples_are_offered():
+    root = Path(__file__).parents[2]
+    pages = [root / "README.md", *(root / "docs").glob("*.md"), *(root / "examples").glob("*.py")]
+    used = {name for page in pages for name in re.findall(r"\btg\.(\w+)", page.read_text(encoding="utf-8"))}
+    for example in (root / "examples").glob("*.py"):
+        for node in ast.walk(ast.parse(example.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tensegra"):
+                used |= {alias.name for alias in node.names}
+    assert used
+    assert used <= set(tg.__all__)

@@ -18,7 +18,7 @@ TABLE = Table.of(
 @pytest.mark.parametrize("width", ["40", "80", "200", "0", "-3", "x"])
 def test_no_number_is_cut(monkeypatch, capsys, width):
     monkeypatch.setenv("COLUMNS", width)
-    terminal._print_table(TABLE)
+    terminal.print_table(TABLE)
     out = capsys.readouterr().out
     for row in TABLE.rows:
         assert all(cell in out for cell in row)

@@ -17,6 +17,9 @@ from tensegra.study import open_campaign, parse_study
 N_POINTS = 100_000
 WORKERS = 2
 
+ROOT = str(Path(__file__).parents[2])
+"""Where the package `benchmarks` lies, which measures the driver's memory."""
+
 KILLS = (20_000, 60_000)
 """Rows at which the driver is killed."""
 
@@ -43,7 +46,7 @@ CONTENT = {
 
 DRIVER = """
 import json, sys
-from tensegra.benchmark.fresh import peak_bytes
+from benchmarks.solver.fresh import peak_bytes
 from tensegra.study import parse_study
 
 if __name__ == "__main__":
@@ -54,7 +57,8 @@ if __name__ == "__main__":
 
 def start(script, folder):
     command = [sys.executable, str(script), json.dumps(CONTENT), str(folder), str(WORKERS)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)  # noqa: S603 - our own script
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, (ROOT, os.getenv("PYTHONPATH"))))}
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)  # noqa: S603 - our own script
 
 
 def shards(folder):

@@ -15,11 +15,13 @@ from tensegra.analysis.results import Estimate
 from tensegra.analysis.robust import RobustOptimum, robust_optimise
 from tensegra.analysis.run import run_analyses
 from tensegra.analysis.screening import Screening, morris_screening
-from tensegra.analysis.sensitivity import Sensitivity, sobol_indices
+from tensegra.analysis.sensitivity import MIN_BLOCKS, Sensitivity, sobol_indices
 from tensegra.analysis.trajectory import Trajectory
-from tensegra.analysis.truth import TrueModel
+from tensegra.analysis.truth import CERTIFIED, TrueModel
 
 __all__ = [
+    "CERTIFIED",
+    "MIN_BLOCKS",
     "Calibration",
     "Draws",
     "Estimate",

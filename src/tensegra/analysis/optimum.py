@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.analysis.results import plain
+from tensegra.presented import Tabled
 
 Array = NDArray[np.float64]
 
@@ -72,8 +73,8 @@ class Agreement:
     unique: bool
 
 
-@dataclass(frozen=True)
-class Optimum:
+@dataclass(frozen=True, repr=False)
+class Optimum(Tabled):
     """The best point that a method found, and how.
 
     Attributes
@@ -166,7 +167,7 @@ class Optimum:
         content = vars(self) | {"kind": self.kind, "agreement": vars(self.agreement)}
         return dict(plain(content))
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         place = ", ".join(f"{name} = {self.inputs[name]:.6g}" for name in self.search)
         if self.held:
             place += "; held: " + ", ".join(f"{name} = {value:.6g}" for name, value in self.held.items())

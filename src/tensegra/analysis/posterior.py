@@ -12,6 +12,7 @@ from tensegra.analysis.inputs import Draws, SameAs
 from tensegra.analysis.model import column_index
 from tensegra.analysis.propagation import Propagation
 from tensegra.analysis.results import plain
+from tensegra.presented import Tabled
 
 Array = NDArray[np.float64]
 
@@ -80,8 +81,8 @@ class Prediction:
     true: Array | None = None
 
 
-@dataclass(frozen=True)
-class Calibration:
+@dataclass(frozen=True, repr=False)
+class Calibration(Tabled):
     """The posterior of a model's inputs, given measurements.
 
     Attributes
@@ -202,7 +203,7 @@ class Calibration:
         content["prediction"] = vars(self.prediction)
         return dict(plain(content))
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         shown = ", ".join(f"{p.name} = {p.mean:.4g} ± {p.std:.2g}" for p in self.parameters)
         return f"Calibration({shown}; {self.reason})"
 

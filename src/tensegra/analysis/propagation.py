@@ -21,6 +21,7 @@ from tensegra.analysis.sketch import Sketch
 from tensegra.analysis.summary import Summary, summarise
 from tensegra.analysis.truth import TrueModel
 from tensegra.errors import StudyError
+from tensegra.presented import Tabled
 
 Array = NDArray[np.float64]
 
@@ -55,8 +56,8 @@ class Difference:
     ks_distance: float
 
 
-@dataclass(frozen=True)
-class Propagation:
+@dataclass(frozen=True, repr=False)
+class Propagation(Tabled):
     """The distribution of the outputs under random inputs.
 
     Attributes
@@ -167,7 +168,7 @@ class Propagation:
         column_index(tuple(self.outputs), [output], "output")
         return self.outputs[output]
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         shown = "; ".join(f"{s.name}: mean {s.mean}, std {s.std}" for s in self.outputs.values())
         return f"Propagation({self.n_samples} samples of {self.model}, {self.n_failed} failed; {shown})"
 

@@ -26,6 +26,7 @@ from tensegra.analysis.scatter import Scatter, scatter
 from tensegra.analysis.searched import levels_of
 from tensegra.analysis.truth import TrueModel
 from tensegra.errors import StudyError
+from tensegra.presented import Tabled
 
 Array = NDArray[np.float64]
 
@@ -33,8 +34,8 @@ Array = NDArray[np.float64]
 CHUNK = 4096
 
 
-@dataclass(frozen=True)
-class RobustOptimum:
+@dataclass(frozen=True, repr=False)
+class RobustOptimum(Tabled):
     """The robust design beside the nominal one, which knows of no errors.
 
     Attributes
@@ -119,7 +120,7 @@ class RobustOptimum:
         }
         return dict(plain(content))
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         return f"RobustOptimum({self.measure}; robust: {self.robust}; nominal: {self.nominal})"
 
 

@@ -23,6 +23,7 @@ from tensegra.analysis.inputs import RandomInputs, random_inputs
 from tensegra.analysis.model import as_model, column_index
 from tensegra.analysis.results import plain
 from tensegra.errors import StudyError
+from tensegra.presented import Tabled
 
 Array = NDArray[np.float64]
 
@@ -57,8 +58,8 @@ class Effects:
     reason: str = ""
 
 
-@dataclass(frozen=True)
-class Screening:
+@dataclass(frozen=True, repr=False)
+class Screening(Tabled):
     """Elementary effects of all outputs.
 
     Attributes
@@ -125,7 +126,7 @@ class Screening:
         content["effects"] = {output: vars(found) for output, found in self.effects.items()}
         return dict(plain(content))
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         ranked = "; ".join(f"{output}: {' > '.join(self.ranking(output))}" for output in self.effects)
         return f"Screening({self.n_trajectories} trajectories on {self.model}; {ranked})"
 

@@ -5,7 +5,6 @@ their outputs, the settings that the proposals follow from, and the problem, whi
 """
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from tensegra.analysis.bayesian import ACQUISITIONS, BayesianOptimiser
 from tensegra.analysis.problem import Problem
 from tensegra.analysis.results import plain
 from tensegra.errors import StudyError
+from tensegra.files import write_json
 
 SCHEMA = "tensegra/search/1"
 
@@ -36,12 +36,7 @@ def save_search(optimiser: BayesianOptimiser, path: Path) -> None:
         "outputs": plain(optimiser.outputs),  # a failed run is null
         "thetas": plain(list(optimiser.thetas)),
     }
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        draft.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
-        draft.replace(path)
-    except OSError as error:
-        raise StudyError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()})") from None
+    write_json(path, content, StudyError)
 
 
 def load_search(

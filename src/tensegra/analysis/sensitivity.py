@@ -26,6 +26,7 @@ from tensegra.analysis.inputs import RandomInputs, random_inputs
 from tensegra.analysis.model import as_model, column_index
 from tensegra.analysis.results import plain
 from tensegra.errors import StudyError
+from tensegra.presented import Tabled
 
 Array = NDArray[np.float64]
 
@@ -65,8 +66,8 @@ class Indices:
     reason: str = ""
 
 
-@dataclass(frozen=True)
-class Sensitivity:
+@dataclass(frozen=True, repr=False)
+class Sensitivity(Tabled):
     """Sobol' indices of all outputs, and how they settled with the sample size.
 
     Attributes
@@ -151,7 +152,7 @@ class Sensitivity:
         }
         return dict(plain(content))
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         lines = [
             f"{output}: total "
             + ", ".join(f"{n} {t:.3f}" for n, t in zip(self.input_names, found.total, strict=True))

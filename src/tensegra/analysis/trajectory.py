@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.analysis.results import plain
+from tensegra.presented import Tabled
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Trajectory:
+@dataclass(frozen=True, repr=False)
+class Trajectory(Tabled):
     """Inputs that follow a trajectory of targets; the first axis of all arrays is the waypoint.
 
     Attributes
@@ -101,6 +102,6 @@ class Trajectory:
         """Return plain JSON types."""
         return dict(plain(vars(self) | {"kind": self.kind, "success": self.success, "reason": self.reason}))
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         names = ", ".join(self.input_names)
         return f"Trajectory({names} on {self.model} for {', '.join(self.target_names)}: {self.reason})"

@@ -5,7 +5,9 @@ from tensegra.mechanics.path import solve_path
 from tensegra.mechanics.results import Equilibrium, EquilibriumPath
 from tensegra.mechanics.session import Session
 from tensegra.mechanics.settings import PathSettings
+from tensegra.mechanics.stability import SelfStress, prestress_stiffness, self_stress
 from tensegra.mechanics.status import CriticalPoint, PathPoint, SlackEvent, Status
+from tensegra.mechanics.vibration import Vibration, natural_frequencies
 
 __all__ = [
     "Batch",
@@ -14,9 +16,14 @@ __all__ = [
     "EquilibriumPath",
     "PathPoint",
     "PathSettings",
+    "SelfStress",
     "Session",
     "SlackEvent",
     "Status",
+    "Vibration",
+    "natural_frequencies",
+    "prestress_stiffness",
+    "self_stress",
     "solve_batch",
     "solve_path",
 ]

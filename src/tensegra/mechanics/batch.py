@@ -4,13 +4,13 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegra.errors import ModelError
-from tensegra.mechanics.arrays import FloatArray, structure_arrays
+from tensegra.mechanics.arrays import AXES, BoolArray, FloatArray, structure_arrays
 from tensegra.mechanics.block import (
     LOCKSTEP_KINDS,
     Parameter,
@@ -30,9 +30,14 @@ from tensegra.mechanics.settings import PathSettings, Policy, Procedure, path_se
 from tensegra.mechanics.stability import free_mechanisms
 from tensegra.mechanics.stages import Ground
 from tensegra.mechanics.status import Status, axis_index, index_of, names_in
-from tensegra.mechanics.variants import Variants
+from tensegra.mechanics.strains import strain_limits
+from tensegra.mechanics.variants import Variants, varied_arrays
+from tensegra.presented import Presented
 from tensegra.savable import Savable
 from tensegra.structure import Structure
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Coordinate = tuple[str, str]
 
@@ -40,8 +45,8 @@ BLOCK = 4096
 """Runs that are prepared, solved and gathered together: what bounds the memory beside the results."""
 
 
-@dataclass(frozen=True, eq=False)
-class Batch(RunResults, Savable):
+@dataclass(frozen=True, eq=False, repr=False)
+class Batch(RunResults, Presented, Savable):
     """Results of many runs, with the runs themselves.
 
     Attributes
@@ -102,6 +107,24 @@ class Batch(RunResults, Savable):
         """Tension of a member, shape ``(n_runs,)``."""
         return self.tensions[:, index_of(self.structure.members, member, "member")]
 
+    @property
+    def strains(self) -> FloatArray:
+        """Strain T/EA of every member, ``(n_runs, n_members)``, tension positive; NaN where failed."""
+        arrays = varied_arrays(self.structure, structure_arrays(self.structure), self.variants)
+        strains: FloatArray = self.tensions / arrays.stiffness
+        return strains
+
+    @property
+    def largest_strain(self) -> FloatArray:
+        """Largest strain of a member in magnitude, shape ``(n_runs,)``; NaN where failed."""
+        largest: FloatArray = np.abs(self.strains).max(axis=1)
+        return largest
+
+    @property
+    def beyond_law(self) -> BoolArray:
+        """Whether a member is strained beyond the limit of its linear law, shape ``(n_runs,)``."""
+        return np.asarray((np.abs(self.strains) > strain_limits(self.structure)).any(axis=1))
+
     @cached_property
     def reactions(self) -> FloatArray:
         """Forces of the supports on the structure, ``(n_runs, n_nodes, 3)``, computed when asked for."""
@@ -117,6 +140,27 @@ class Batch(RunResults, Savable):
         """Sum of the reactions at the named nodes along an axis, shape ``(n_runs,)``."""
         total: FloatArray = self.reactions[:, self._rows(nodes), axis_index(axis)].sum(axis=1)
         return total
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a row for each run.
+
+        Columns are ``status``, ``reason``, ``residual``, ``lowest_eigenvalue``, ``steps`` and ``iterations``,
+        then ``<node>.x|y|z`` in the unit of length and ``T.<member>`` in the unit of force; NaN where failed.
+        """
+        import pandas as pd
+
+        columns: dict[str, Any] = {
+            "status": self.status.astype(str),
+            "reason": self.reason.astype(str),
+            "residual": self.residual,
+            "lowest_eigenvalue": self.lowest_eigenvalue,
+            "steps": self.steps,
+            "iterations": self.iterations,
+        }
+        names = [f"{node}.{axis}" for node in self.node_ids for axis in AXES]
+        columns |= dict(zip(names, self.nodes.reshape(self.n_runs, -1).T, strict=True))
+        columns |= dict(zip((f"T.{member}" for member in self.member_ids), self.tensions.T, strict=True))
+        return pd.DataFrame(columns)
 
     def derivative(self, name: object, of: ParameterKind = "actuation") -> Derivative:
         """Differentiate positions and tensions of all runs by one parameter, exactly.

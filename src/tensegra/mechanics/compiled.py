@@ -13,12 +13,14 @@ from typing import Any
 
 import numba as nb
 
+from tensegra.mechanics.numba_private import watch_cache
+
 logger = logging.getLogger(__name__)
 
 KERNEL_FILES = tuple(
     Path(__file__).with_name(f"{name}.py")
     for name in (
-        *("compiled", "law", "lanes", "state", "kernels", "step"),
+        *("compiled", "numba_private", "law", "lanes", "state", "kernels", "step"),
         *("branch", "follow", "descend", "stepped", "certify"),
     )
 )
@@ -51,15 +53,10 @@ def _compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401 - a Dispatch
             raise
         _say_uncached("no folder for it can be written")
         return nb.njit(**options)(function)
-    kept: Any = dispatcher._cache  # noqa: SLF001 - see below
-    # Numba has no public way to say what a cache depends on; without this one it watches one file.
-    index: Any = getattr(kept, "_cache_file", None)
-    if hasattr(index, "_source_stamp"):
-        # The digest alone, without the time of a file: a cache may be carried with a copy of the package.
-        index._source_stamp = DIGEST  # noqa: SLF001 - see above
-    if hasattr(kept, "save_overload"):
-        kept.save_overload = _forgiving(kept.save_overload)
-    return dispatcher
+    if watch_cache(dispatcher, DIGEST, _forgiving):
+        return dispatcher
+    _say_uncached(f"Numba {nb.__version__} keeps them in a way that is not known here")
+    return nb.njit(**options)(function)
 
 
 def _forgiving(save: Callable[..., None]) -> Callable[..., None]:

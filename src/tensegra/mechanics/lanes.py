@@ -19,9 +19,16 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.core.cgutils import get_or_insert_function
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
+
+from tensegra.mechanics.numba_private import (
+    AbstractTemplate,
+    call_function,
+    first_element,
+    infer_global,
+    nothing,
+    signature,
+)
 
 WIDTH = 8
 """Lanes of a pack: 8 doubles fill an AVX-512 register, two of AVX2, four of NEON."""
@@ -60,7 +67,7 @@ def _data(context: Any, builder: Any, array_type: Any, array: Any) -> Any:
     """Return a pointer to the first element of a field."""
     if isinstance(array_type, types.Integer):
         return builder.inttoptr(array, ir.DoubleType().as_pointer())
-    return context.make_array(array_type)(context, builder, array).data
+    return first_element(context, builder, array_type, array)
 
 
 def _pointer(context: Any, builder: Any, array_type: Any, array: Any, row: Any) -> Any:
@@ -87,7 +94,7 @@ def _store(_typing: Any, array: Any, _row: Any, _value: Any) -> Any:
         target, row, value = arguments
         instruction = builder.store(value, _pointer(context, builder, signature.args[0], target, row))
         instruction.align = 8
-        return context.get_dummy_value()
+        return nothing(context)
 
     return types.void(array, types.int64, _row_type(array)), generate
 
@@ -112,7 +119,7 @@ def _put(_typing: Any, array: Any, _row: Any, _lane: Any, _value: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         target, row, lane, value = arguments
         builder.store(value, _element(context, builder, signature.args[0], target, row, lane))
-        return context.get_dummy_value()
+        return nothing(context)
 
     return types.void(array, types.int64, types.int64, types.float64), generate
 
@@ -191,8 +198,7 @@ def _fused(_typing: Any, left: Any, right: Any, term: Any) -> Any:
         vector = kind is pack
         values = [_splat(builder, value) for value in arguments] if vector else list(arguments)
         of, name = (_VECTOR, f"v{WIDTH}f64") if vector else (ir.DoubleType(), "f64")
-        function = get_or_insert_function(builder.module, ir.FunctionType(of, [of] * 3), f"llvm.fma.{name}")
-        return builder.call(function, values)
+        return call_function(builder, ir.FunctionType(of, [of] * 3), f"llvm.fma.{name}", values)
 
     return kind(left, right, term), generate
 
@@ -206,9 +212,9 @@ def _compared(condition: str, otherwise: str) -> Any:
             left, right = arguments
             kind = left.type
             one = ir.Constant(kind, [1.0] * WIDTH if kind == _VECTOR else 1.0)
-            nothing = ir.Constant(kind, [0.0] * WIDTH if kind == _VECTOR else 0.0)
+            null = ir.Constant(kind, [0.0] * WIDTH if kind == _VECTOR else 0.0)
             holds = builder.fcmp_ordered(condition, left, right)
-            return builder.select(holds, *((left, right) if otherwise == "right" else (one, nothing)))
+            return builder.select(holds, *((left, right) if otherwise == "right" else (one, null)))
 
         return left(left, left), generate
 
@@ -225,8 +231,8 @@ less: Any = _compared("<", "mask")
 def _choose(_typing: Any, _mask: Any, left: Any, _right: Any) -> Any:
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         mask, left, right = arguments
-        nothing = ir.Constant(mask.type, [0.0] * WIDTH if mask.type == _VECTOR else 0.0)
-        return builder.select(builder.fcmp_unordered("!=", mask, nothing), left, right)
+        null = ir.Constant(mask.type, [0.0] * WIDTH if mask.type == _VECTOR else 0.0)
+        return builder.select(builder.fcmp_unordered("!=", mask, null), left, right)
 
     return left(left, left, left), generate
 
@@ -237,8 +243,7 @@ def _unary(name: str) -> Any:
         def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
             kind = arguments[0].type
             full_name = f"{name}.v{WIDTH}f64" if kind == _VECTOR else f"{name}.f64"
-            function = get_or_insert_function(builder.module, ir.FunctionType(kind, [kind]), full_name)
-            return builder.call(function, arguments)
+            return call_function(builder, ir.FunctionType(kind, [kind]), full_name, arguments)
 
         return value(value), generate
 

@@ -31,7 +31,9 @@ from tensegra.mechanics.status import (
     index_of,
     names_in,
 )
+from tensegra.mechanics.strains import strain_warning
 from tensegra.mechanics.tangent import Tangent
+from tensegra.presented import Presented
 from tensegra.savable import Savable
 from tensegra.structure import Structure
 
@@ -39,8 +41,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True, eq=False)
-class Equilibrium:
+@dataclass(frozen=True, eq=False, repr=False)
+class Equilibrium(Presented):
     """One equilibrium and its certificate.
 
     Attributes
@@ -118,6 +120,22 @@ class Equilibrium:
         """Tension of a member, unit of force."""
         return float(self.tensions[index_of(self.structure.members, member, "member")])
 
+    @property
+    def strains(self) -> FloatArray:
+        """Strain T/EA of each member, tension positive, shape ``(n_members,)``; zero for slack cables."""
+        return self.tensions / self.arrays.stiffness
+
+    @property
+    def largest_strain(self) -> float:
+        """Largest strain of a member in magnitude; NaN where failed."""
+        return float(np.abs(self.strains).max())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the equilibrium doubtful although it is one, in sentences: strains beyond the law."""
+        found = strain_warning(self.structure, self.strains)
+        return (found,) if found else ()
+
     @cached_property
     def reactions(self) -> FloatArray:
         """Forces of the supports on the structure, ``(n_nodes, 3)``; zero where nothing holds.
@@ -171,7 +189,32 @@ class Equilibrium:
             "mechanisms": [list(nodes) for nodes in self.mechanisms],
             "rigid_motions": list(self.rigid_motions),
             "utilisation": {} if failed else self.utilisation,
+            "largest_strain": _finite(self.largest_strain),
+            "warnings": list(self.warnings),
         }
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a row for each member: ``member``, ``kind``, ``tension`` (unit of force) and ``slack``."""
+        import pandas as pd
+
+        members = self.structure.members
+        return pd.DataFrame(
+            {
+                "member": list(members),
+                "kind": ["clustered cable" if m.is_clustered else m.kind for m in members.values()],
+                "tension": self.tensions,
+                "slack": self.slack,
+            }
+        )
+
+    def __repr__(self) -> str:
+        reason = f" ({self.reason})" if self.reason else ""
+        slack = f"{len(self.slack_members)} of {self.structure.n_members} members slack"
+        return (
+            f"Equilibrium({self.structure.name!r}, {self.stage!r}: {self.status}{reason}; "
+            f"residual {self.residual:.2g}, lowest eigenvalue {self.lowest_eigenvalue:.4g} "
+            f"{self.structure.units.of('force per length')}, {slack})"
+        )
 
     def _reactions_by_node(self) -> dict[str, list[float]]:
         """Return the reaction at each supported node, in the order of the nodes."""
@@ -179,8 +222,8 @@ class Equilibrium:
         return {self.arrays.node_ids[n]: self.reactions[n].tolist() for n in supported}
 
 
-@dataclass(frozen=True, eq=False)
-class EquilibriumPath(Savable):
+@dataclass(frozen=True, eq=False, repr=False)
+class EquilibriumPath(Presented, Savable):
     """The equilibria of a loading history: those of the stages and of the actuation after them.
 
     Attributes
@@ -288,23 +331,23 @@ class EquilibriumPath(Savable):
         self.final.raise_for_status()
         return self
 
-    def plot(self) -> Any:  # noqa: ANN401 - a matplotlib Figure, which mechanics does not import
-        """Draw the structure at the end of its stages and at its last equilibrium.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            Shown by a notebook as it is; ``.savefig(path)`` writes it.
-        """
-        # Plotting is the report's affair, which stands after mechanics: bound when it is called.
-        figures = import_module("tensegra.report.figures.structure")
-        return figures.shape_figure(self.structure, self.stages[-1].nodes, {"end of path": self.final.nodes})
+    def __repr__(self) -> str:
+        reason = f" ({self.reason})" if self.reason else ""
+        then = "" if self.actuation is None else " and what acts after them"
+        events = f"{len(self.critical_points)} critical points, {len(self.slack_events)} slack events"
+        text = f"{len(self.stages)} stages{then}; {len(self.history)} steps, {events}"
+        if self.actuation is not None and self.actuation.status is not Status.FAILED:
+            moved = np.linalg.norm(self.displacements, axis=1)
+            most = int(np.argmax(moved))
+            unit = self.structure.units.length
+            text += f"; node {self.structure.node_ids[most]} moves most, {moved[most]:.4g} {unit}"
+        return f"EquilibriumPath({self.structure.name!r}: {self.status}{reason}; {text})"
 
     def to_dataframe(self) -> "pd.DataFrame":
         """Return every accepted step as a row; no row where the first stage failed.
 
-        Columns are ``stage``, ``parameter`` and ``iterations``, then ``<node>.x|y|z`` in the unit of
-        length and ``T.<member>`` in the unit of force.
+        Columns are ``stage``, ``parameter`` and ``iterations``, then ``x|y|z_<node>`` in the unit of
+        length and ``T_<member>`` in the unit of force.
         """
         import pandas as pd
 
@@ -315,9 +358,9 @@ class EquilibriumPath(Savable):
         }
         nodes, tensions = history_arrays(self.structure, self.history)
         coordinates = nodes.reshape(len(nodes), 3 * self.structure.n_nodes)
-        names = [f"{node}.{axis}" for node in self.structure.nodes for axis in AXES]
+        names = [f"{axis}_{node}" for node in self.structure.nodes for axis in AXES]
         columns |= dict(zip(names, coordinates.T, strict=True))
-        columns |= dict(zip((f"T.{member}" for member in self.structure.members), tensions.T, strict=True))
+        columns |= dict(zip((f"T_{member}" for member in self.structure.members), tensions.T, strict=True))
         return pd.DataFrame(columns)
 
     def to_xarray(self) -> Any:  # noqa: ANN401 - an xarray.Dataset; xarray is an extra

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tensegra.mechanics.strains import strain_warning
 from tensegra.structure import Structure, Units
 from tensegra.structure.structure import path_length
 from tensegra.units import Dimension
@@ -15,9 +16,6 @@ if TYPE_CHECKING:
     from tensegra.mechanics.stability import SelfStress
 
 __all__ = ["MemberState", "likely_slips", "member_states", "self_stress_ratios", "size_of", "weight_of"]
-
-LARGE_STRAIN = 0.05
-"""Strain beyond which a linear law is doubtful, and a slip of units likely."""
 
 HEAVY = 100.0
 """A weight so many times the largest tension is held by no prestress."""
@@ -146,20 +144,16 @@ def likely_slips(structure: Structure, equilibrium: "Equilibrium") -> list[str]:
     return [
         *_of_materials(structure),
         *_of_sections(structure),
-        *_of_strains(states),
+        *(_of_strains(structure, states) if states else ()),
         *_of_weight(structure, equilibrium),
     ]
 
 
-def _of_strains(states: tuple[MemberState, ...]) -> list[str]:
+def _of_strains(structure: Structure, states: tuple[MemberState, ...]) -> list[str]:
     said = []
-    strained = [state for state in states if abs(state.strain) > LARGE_STRAIN]
-    if strained:
-        worst = max(strained, key=lambda state: abs(state.strain))
-        said.append(
-            f"{_members(len(strained))} strained beyond {100 * LARGE_STRAIN:g} %, most of all {worst.name} "
-            f"({100 * worst.strain:.3g} %); are modulus, area and rest length in the units declared?"
-        )
+    beyond = strain_warning(structure, np.array([state.strain for state in states]))
+    if beyond:
+        said.append(f"{beyond}; are modulus, area and rest length in the units declared?")
     overloaded = [state for state in states if state.utilisation is not None and state.utilisation > 1.0]
     if overloaded:
         worst = max(overloaded, key=lambda state: state.utilisation or 0.0)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from tensegra.errors import StudyError
+from tensegra.files import replacing
 from tensegra.report.results import ANALYSES, SURROGATES, Index, Results, key_of, write_json
 from tensegra.report.soundness import require_known_parts, require_sound
 from tensegra.report.study_tables import title_of
@@ -21,6 +22,8 @@ from tensegra.study.driver import require_folder
 from tensegra.study.executors import executor_for
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from tensegra.surrogate import RegimeData, Surrogate
 
 __all__ = ["Listener", "carry_out", "versions"]
@@ -238,7 +241,7 @@ def _fit(data: "TrainingData | RegimeData", entry: SurrogateEntry, seed: int, st
         columns[f"{output}_predicted"] = predicted[:, k]
         if std is not None:
             columns[f"{output}_std"] = std[:, k]
-    pd.DataFrame(columns).to_parquet(stem.with_name(f"{stem.name}.parquet"), index=False)
+    _write_table(pd.DataFrame(columns), stem.with_name(f"{stem.name}.parquet"))
     surrogate.save(stem.with_name(f"{stem.name}.tg"))
     return surrogate
 
@@ -326,9 +329,14 @@ def _save(result: Any, stem: Path) -> None:  # noqa: ANN401 - any result of an a
     content = result.to_dict()
     trace = content.pop("trace", None)
     write_json(stem.with_name(f"{stem.name}.json"), content)
-    pd.DataFrame(result.table()).to_parquet(stem.with_name(f"{stem.name}.parquet"), index=False)
+    _write_table(pd.DataFrame(result.table()), stem.with_name(f"{stem.name}.parquet"))
     if trace is not None:
-        _trace_frame(result).to_parquet(stem.with_name(f"{stem.name}.trace.parquet"), index=False)
+        _write_table(_trace_frame(result), stem.with_name(f"{stem.name}.trace.parquet"))
+
+
+def _write_table(frame: "pd.DataFrame", path: Path) -> None:
+    with replacing(path, StudyError) as file:
+        frame.to_parquet(file, index=False)
 
 
 def _trace_frame(result: Any) -> Any:  # noqa: ANN401 - an Optimum; a DataFrame

@@ -1,11 +1,11 @@
 """The report of a campaign: one HTML file that needs nothing else."""
 
 from base64 import b64encode
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from tensegra.errors import StudyError
+from tensegra.files import replacing, telling
 from tensegra.report.pipeline import Listener, deaf
 from tensegra.report.results import Results, open_results
 from tensegra.report.tables import Table
@@ -74,12 +74,22 @@ class Report:
         return render("report.html.j2", report=self)
 
 
-def render(template: str, **content: object) -> str:
-    """Return a page of one of the templates beside this file."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+def render(template: str, *, package: str = "tensegra.report", **content: object) -> str:
+    """Return a page of a template.
+
+    Parameters
+    ----------
+    template
+        Its file.
+    package
+        Where the file is. It can include ``parts.html.j2`` and ``style.css``, which are here.
+    **content
+        What the template shows.
+    """
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
-        loader=PackageLoader("tensegra.report", "."),
+        loader=ChoiceLoader([PackageLoader(where, ".") for where in (package, "tensegra.report")]),
         # Not by the name's suffix: what is not HTML is included in HTML.
         autoescape=True,
         undefined=StrictUndefined,
@@ -117,21 +127,14 @@ def write_report(
     path = campaign.folder / "report.html" if output is None else output
     if path.is_dir() or path.suffix.lower() not in {".html", ".htm"}:
         raise StudyError.at("report", str(path), "a file named .html")
-    draft = path.with_name(f".{path.name}.draft")
-    try:
-        # Tried first: a drawn report that cannot be written would be drawn in vain.
+    with telling(path, StudyError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        draft.touch()
+    with replacing(path, StudyError) as file:
+        # Opened first: a drawn report that cannot be written would be drawn in vain.
         report = build_report(open_results(campaign), pdf=figures is not None, listener=listener)
         if figures is not None:
             _write_figures(report, figures)
-        draft.write_text(report.html(), encoding="utf-8")
-        draft.replace(path)
-    except OSError as error:
-        raise StudyError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()})") from None
-    finally:
-        with suppress(OSError):
-            draft.unlink()
+        file.write(report.html().encode())
     return path
 
 
@@ -139,9 +142,10 @@ def _write_figures(report: "Report", folder: Path) -> None:
     """Write every figure as SVG and as PDF, numbered as in the report."""
     folder.mkdir(parents=True, exist_ok=True)
     for figure in (figure for section in report.sections for figure in section.figures):
-        (folder / f"{figure.anchor}.svg").write_bytes(figure.image)
-        if figure.pdf is not None:
-            (folder / f"{figure.anchor}.pdf").write_bytes(figure.pdf)
+        for suffix, content in (("svg", figure.image), ("pdf", figure.pdf)):
+            if content is not None:
+                with replacing(folder / f"{figure.anchor}.{suffix}", StudyError) as file:
+                    file.write(content)
 
 
 def build_report(results: Results, *, pdf: bool = False, listener: Listener = deaf) -> Report:

@@ -13,7 +13,6 @@ A result carries a key, the hash of all that it depends on; what has the right k
 """
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -21,7 +20,9 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tensegra import files
 from tensegra.errors import StudyError
+from tensegra.files import telling
 from tensegra.study import Campaign
 from tensegra.study.tablefile import read_parquet
 
@@ -269,21 +270,16 @@ def key_of(*parts: object) -> str:
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write JSON without NaN; the file appears complete or not at all.
+    """Write JSON without NaN, and the folders that lead to it; the file appears complete or not at all.
 
     Raises
     ------
     StudyError
         It cannot be written.
     """
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
+    with telling(path, StudyError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        draft.write_text(json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
-        draft.replace(path)
-    except OSError as error:
-        draft.unlink(missing_ok=True)
-        raise StudyError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()})") from None
+    files.write_json(path, content, StudyError)
 
 
 def _without_infinities(validation: Any) -> dict[str, Any] | None:  # noqa: ANN401 - a Validation or None

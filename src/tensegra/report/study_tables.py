@@ -120,7 +120,7 @@ def outcome_table(state: CampaignState) -> Table:
 
 
 def reason_table(state: CampaignState) -> Table:
-    """Count the reasons of the runs that are not stable."""
+    """Count the reasons of the runs that are not stable, or strained beyond their law."""
     kinds = reasons_by_kind(state)
     note = f"and {len(kinds) - MOST_REASONS} rarer ones" if len(kinds) > MOST_REASONS else ""
     rows = [(count, reason) for reason, count in list(kinds.items())[:MOST_REASONS]]

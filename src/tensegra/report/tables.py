@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegra.errors import ModelError
+from tensegra.files import replacing
 from tensegra.mechanics import Equilibrium, EquilibriumPath
 from tensegra.mechanics.history import history_arrays
 from tensegra.report.members import size_of, weight_of
@@ -192,6 +193,7 @@ def stage_table(path: EquilibriumPath) -> Table:
         "Iterations",
         "Residual",
         f"Lowest eigen-\nvalue [{units.of('force per length')}]",
+        "Largest\nstrain [%]",
         "Slack",
     )
     equilibria = [*path.stages, *([] if path.actuation is None else [path.actuation])]
@@ -203,11 +205,12 @@ def stage_table(path: EquilibriumPath) -> Table:
             equilibrium.iterations,
             number(equilibrium.residual, 2),
             number(equilibrium.lowest_eigenvalue, 5),
+            number(100.0 * equilibrium.largest_strain, 3),
             len(equilibrium.slack_members),
         )
         for equilibrium in equilibria
     ]
-    return Table.of("Equilibria", header, rows, "lsrrrrr")
+    return Table.of("Equilibria", header, rows, "lsrrrrrr")
 
 
 def event_table(path: EquilibriumPath) -> Table:
@@ -331,13 +334,11 @@ def write_history(path: EquilibriumPath, file: Path) -> None:
     if suffix not in HISTORY_FILES:
         raise ModelError.at("-o", file.name, "a file named .parquet or .csv", candidates=HISTORY_FILES)
     frame = history_frame(path)
-    try:
+    with replacing(file, ModelError) as opened:
         if suffix == ".csv":
-            frame.to_csv(file, index=False, lineterminator="\n")
+            frame.to_csv(opened, index=False, lineterminator="\n")
         else:
-            frame.to_parquet(file, index=False)
-    except OSError as error:
-        raise ModelError(f"{file}: cannot be written ({(error.strerror or str(error)).lower()})") from None
+            frame.to_parquet(opened, index=False)
 
 
 _KINDS = ("strut", "cable", "clustered cable")

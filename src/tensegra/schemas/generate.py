@@ -33,6 +33,7 @@ FOLDERS = (Path(__file__).parent, Path(__file__).parents[3] / "docs" / "schemas"
 
 EXAMPLES: Mapping[str, object] = {
     "hidden": [30, 30],
+    "adam_batch": 1024,
     "iterations": 100,
     "degree": 4,
     "max_degree": 8,

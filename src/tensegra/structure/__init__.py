@@ -4,11 +4,12 @@ from tensegra.structure import library
 from tensegra.structure.changes import apply_changes
 from tensegra.structure.fileformat import parse_structure, read_structure, write_structure
 from tensegra.structure.mapping import structure_to_mapping
-from tensegra.structure.parts import Actuator, Material, Member, Stage
+from tensegra.structure.parts import STRAIN_LIMIT, Actuator, Material, Member, Stage
 from tensegra.structure.structure import Structure
 from tensegra.units import Units
 
 __all__ = [
+    "STRAIN_LIMIT",
     "Actuator",
     "Material",
     "Member",

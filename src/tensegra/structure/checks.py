@@ -6,6 +6,7 @@ from math import dist, inf, isclose, isfinite
 from typing import TYPE_CHECKING
 
 from tensegra.structure.overlaps import find_overlaps, member_parts
+from tensegra.structure.parts import AS_DRAWN
 from tensegra.structure.problems import NOTHING, Place, Problem
 from tensegra.units import LARGEST, SMALLEST, is_number, is_sane
 
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from tensegra.structure.parts import Member, Stage
     from tensegra.structure.structure import Structure
 
-__all__ = ["AXES", "find_problems"]
+__all__ = ["AXES", "find_problems", "is_vector"]
 
 AXES = "xyz"
 _SUPPORTS = ("x", "y", "z", "xy", "xz", "yz", "xyz")
@@ -61,6 +62,8 @@ def _materials(structure: "Structure") -> Iterator[Problem]:
         yield from _number((*place, "youngs_modulus"), material.youngs_modulus, above=0.0)
         yield from _number((*place, "weight"), material.weight, least=0.0)
         yield from _number((*place, "thermal_expansion"), material.thermal_expansion)
+        if material.strain_limit is not None:
+            yield from _number((*place, "strain_limit"), material.strain_limit, above=0.0)
 
 
 def _member(structure: "Structure", place: Place, member: "Member") -> Iterator[Problem]:
@@ -70,13 +73,13 @@ def _member(structure: "Structure", place: Place, member: "Member") -> Iterator[
     path_problems = [*_path(structure, (*place, "nodes"), member)]
     yield from path_problems
     yield from _section(structure, place, member)
-    if not path_problems:
-        # Without a sound path a rest length that was left out is not known either.
+    if not path_problems and member.rest_length is not AS_DRAWN:
+        # One that is still to be measured could not be: a node's own problem is told instead.
         where = (*place, "rest_length")
         problems = [*_number(where, member.rest_length, above=0.0)]
         yield from problems
         positions = [structure.nodes[node] for node in member.nodes]
-        if not problems and all(map(_is_vector, positions)):
+        if not problems and all(map(is_vector, positions)):
             along = sum(dist(start, end) for start, end in pairwise(positions))
             yield from _of_one_size(where, member.rest_length, along, "the length along the nodes")
     for group in member.groups:
@@ -300,7 +303,7 @@ def _text(place: Place, text: object) -> Iterator[Problem]:
         yield Problem(place, text, "a name: a whole number, or a text on one line")
 
 
-def _is_vector(value: object) -> bool:
+def is_vector(value: object) -> bool:
     """Tell whether a position can be computed with; what is wrong with it is told elsewhere."""
     return isinstance(value, tuple) and len(value) == 3 and all(is_number(x) and isfinite(x) for x in value)
 

@@ -2,17 +2,17 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tensegra.errors import ModelError
+from tensegra.files import write_text
 from tensegra.structure.load import LOADERS, load_values
 from tensegra.structure.mapping import SCHEMA, structure_to_mapping
 from tensegra.structure.parts import Actuator, Material, Member, Stage
 from tensegra.structure.plain import plain, value_at
 from tensegra.structure.problems import NOTHING, InvalidStructureError, Place, Problem
-from tensegra.structure.structure import Structure, path_length
+from tensegra.structure.structure import Structure
 from tensegra.structure.text import dump_json, dump_yaml
 from tensegra.units import Units
 
@@ -82,20 +82,13 @@ def write_structure(structure: Structure, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     ModelError
-        The suffix is none of `.yaml`, `.yml` and `.json`.
+        The suffix is none of `.yaml`, `.yml` and `.json`, or the file cannot be written.
     """
     path = Path(path)
     dump = _DUMPERS.get(path.suffix.lower())
     if dump is None:
         raise _unknown_suffix(path)
-    text = dump(structure_to_mapping(structure))
-    draft = path.with_name(f".{path.name}.{os.getpid()}.draft")
-    try:
-        draft.write_text(text, encoding="utf-8", newline="\n")
-        draft.replace(path)
-    finally:
-        with suppress(FileNotFoundError):
-            draft.unlink()
+    write_text(path, dump(structure_to_mapping(structure)), ModelError)
 
 
 def build(
@@ -159,21 +152,13 @@ def _structure(content: "StructureSchema", units: Units) -> Structure:
     for name, member in content.members.items():
         for group in member.groups:
             groups.setdefault(group, []).append(name)
-    members = {}
-    for name, member in content.members.items():
-        values = dict(vars(member))
-        if member.rest_length is None:
-            known = all(node in content.nodes for node in member.nodes)
-            # An unknown node is refused before the rest length is looked at.
-            values["rest_length"] = path_length(content.nodes, member.nodes) if known else float("nan")
-        members[name] = Member(**values)
     return Structure(
         name=content.name,
         description=content.description,
         units=units,
         nodes=content.nodes,
         materials={name: Material(**dict(material)) for name, material in content.materials.items()},
-        members=members,
+        members={name: Member(**dict(vars(member))) for name, member in content.members.items()},
         supports=content.supports,
         gravity=content.gravity,
         actuators={

@@ -42,6 +42,7 @@ def _material(material: Material) -> Plain:
     return {
         "youngs_modulus": material.youngs_modulus,
         **_without_zero(weight=material.weight, thermal_expansion=material.thermal_expansion),
+        **({} if material.strain_limit is None else {"strain_limit": material.strain_limit}),
     }
 
 

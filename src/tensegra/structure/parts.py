@@ -3,15 +3,22 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 from tensegra.structure.coerce import Vector, by_id, name_of, names, number, store, vector
 from tensegra.structure.frozen import FrozenMapping
 
-__all__ = ["Actuator", "Effect", "Kind", "Material", "Member", "Stage"]
+__all__ = ["AS_DRAWN", "STRAIN_LIMIT", "Actuator", "Effect", "Kind", "Material", "Member", "Stage"]
+
+STRAIN_LIMIT = 0.05
+"""Limit of a material that names none: far beyond the yield of metals, within that of many fibres."""
 
 Kind = Literal["strut", "cable"]
 Effect = Literal["shorten", "lengthen"]
+
+
+AS_DRAWN = float("nan")
+"""The rest length of a member that is as long as the path between its nodes: this object and no other NaN."""
 
 
 @dataclass(frozen=True)
@@ -26,11 +33,15 @@ class Material:
         Force per volume.
     thermal_expansion
         Strain per degree of temperature difference.
+    strain_limit
+        Largest strain, in tension or compression, up to which the linear law is trusted, such as that at
+        yield; `STRAIN_LIMIT` where left out.
     """
 
     youngs_modulus: float
     weight: float = 0.0
     thermal_expansion: float = 0.0
+    strain_limit: float | None = None
 
     def __post_init__(self) -> None:
         store(self, **{field.name: number(getattr(self, field.name)) for field in fields(self)})
@@ -48,7 +59,8 @@ class Member:
         Ids in the order of the path. A cable over three or more nodes is clustered: it runs over
         frictionless pulleys. A closed loop repeats its first node at the end.
     rest_length
-        Length of the whole path free of force.
+        Length of the whole path free of force. A member without one, or with None, becomes as long as the
+        path between its nodes when a structure is made of it; until then it is `AS_DRAWN`.
     material, area
         Name of the material and cross-section; together they give the axial stiffness EA.
     stiffness
@@ -64,7 +76,7 @@ class Member:
 
     kind: Kind
     nodes: tuple[str, ...]
-    rest_length: float
+    rest_length: float = AS_DRAWN
     material: str | None = None
     area: float | None = None
     stiffness: float | None = None
@@ -77,7 +89,7 @@ class Member:
             self,
             nodes=names(self.nodes),
             groups=names(self.groups),
-            rest_length=number(self.rest_length),
+            rest_length=_length(self.rest_length),
             area=number(self.area),
             stiffness=number(self.stiffness),
             section_inertia=number(self.section_inertia),
@@ -98,6 +110,11 @@ class Member:
     def segments(self) -> tuple[tuple[str, str], ...]:
         """The pairs of successive nodes."""
         return tuple(pairwise(self.nodes))
+
+
+def _length(value: Any) -> Any:  # noqa: ANN401 - as `number`
+    """Return a rest length in form; what is left out is measured along the nodes."""
+    return AS_DRAWN if value is None else number(value)
 
 
 @dataclass(frozen=True)

@@ -111,7 +111,7 @@ class MaterialSchema(_Schema):
     """A value of `materials`."""
 
     examples: ClassVar[Examples] = (
-        {"youngs_modulus": "115 GPa", "weight": 7.85e-05, "thermal_expansion": 1.2e-05},
+        {"youngs_modulus": "115 GPa", "weight": 7.85e-05, "thermal_expansion": 1.2e-05, "strain_limit": 0.01},
     )
 
     youngs_modulus: Stress
@@ -120,6 +120,8 @@ class MaterialSchema(_Schema):
     """Weight of a volume, which acts where `gravity` is not zero."""
     thermal_expansion: Expansion = 0.0
     """Strain for each degree of temperature difference."""
+    strain_limit: Ratio | None = None
+    """Largest strain up to which the linear law is trusted; 5 % where left out."""
 
 
 class MemberSchema(_Schema):

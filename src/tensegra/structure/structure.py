@@ -17,15 +17,17 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from tensegra.errors import ModelError
+from tensegra.presented import Presented
 from tensegra.savable import Savable
-from tensegra.structure.checks import find_problems
+from tensegra.structure.checks import find_problems, is_vector
 from tensegra.structure.coerce import Vector, by_id, name_of, sorted_axes, store, vector
 from tensegra.structure.frozen import FrozenMapping
-from tensegra.structure.parts import Actuator, Material, Member, Stage
+from tensegra.structure.parts import AS_DRAWN, STRAIN_LIMIT, Actuator, Material, Member, Stage
 from tensegra.structure.problems import InvalidStructureError
 from tensegra.units import Units
 
 if TYPE_CHECKING:
+    import pandas as pd
     from numpy.typing import NDArray
 
 __all__ = ["Structure", "path_length"]
@@ -34,7 +36,7 @@ _SI = Units()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Structure(Savable):
+class Structure(Presented, Savable):
     """A tensegrity structure with its supports, actuators and loading history.
 
     Ids are texts; integers are accepted and become texts. All numbers are in `units`. Structures are
@@ -96,6 +98,7 @@ class Structure(Savable):
             actuators=by_id("actuators", self.actuators),
             stages=tuple(self.stages),
         )
+        store(self, members=_with_rest_lengths(self.nodes, self.members))
         problems = tuple(find_problems(self))
         if problems:
             raise InvalidStructureError.of(problems)
@@ -186,6 +189,12 @@ class Structure(Savable):
             return 0.0
         return self.materials[member.material].weight * member.area
 
+    def strain_limit(self, member_id: str | int) -> float:
+        """Return the strain up to which a member's linear law is trusted."""
+        material = self.members[str(member_id)].material
+        limit = None if material is None else self.materials[material].strain_limit
+        return STRAIN_LIMIT if limit is None else limit
+
     def thermal_expansion(self, member_id: str | int) -> float:
         """Return the strain of a member per degree; 0 without a material."""
         material = self.member(member_id).material
@@ -201,6 +210,30 @@ class Structure(Savable):
         (0.0, 0.0, 0.0)
         """
         return replace(self, **changes)
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a row for each member, in the structure's units.
+
+        Columns are ``member``, ``kind``, ``nodes``, ``length`` (between the nodes as they are drawn),
+        ``rest_length``, ``stiffness`` (EA), ``weight`` (of the whole rest length under unit gravity),
+        ``material`` and ``groups``.
+        """
+        import pandas as pd
+
+        return pd.DataFrame(
+            {
+                "member": name,
+                "kind": "clustered cable" if member.is_clustered else member.kind,
+                "nodes": "-".join(member.nodes),
+                "length": path_length(self.nodes, member.nodes),
+                "rest_length": member.rest_length,
+                "stiffness": self.axial_stiffness(name),
+                "weight": self.weight_per_length(name) * member.rest_length,
+                "material": member.material or "",
+                "groups": ", ".join(member.groups),
+            }
+            for name, member in self.members.items()
+        )
 
     @cached_property
     def fingerprint(self) -> str:
@@ -228,6 +261,18 @@ class Structure(Savable):
             f"{_count(n_cables, 'cable')}, {n_clustered} clustered; {self.n_free} free dof; "
             f"units {self.units})"
         )
+
+
+def _with_rest_lengths(nodes: Mapping[str, Vector], members: Mapping[str, Member]) -> Mapping[str, Member]:
+    """Give each member without a rest length the length of its path; an unknown node is refused later."""
+    open_ones = {
+        name: replace(member, rest_length=path_length(nodes, member.nodes))
+        for name, member in members.items()
+        if isinstance(member, Member)
+        and member.rest_length is AS_DRAWN
+        and all(is_vector(nodes.get(node)) for node in member.nodes)
+    }
+    return FrozenMapping({**members, **open_ones}) if open_ones else members
 
 
 def path_length(nodes: Mapping[str, Vector], path: Iterable[str]) -> float:

@@ -1,5 +1,6 @@
 """study: what is varied and wanted, how it is sampled, and the campaign of all its runs."""
 
+from tensegra.files import replacing
 from tensegra.study.analyses import AnalysisEntry, SurrogateEntry
 from tensegra.study.campaign import Campaign, CampaignState, open_campaign
 from tensegra.study.cost import Probe, probe
@@ -45,6 +46,7 @@ __all__ = [
     "pending_points",
     "probe",
     "read_study",
+    "replacing",
     "select",
     "unit_points",
     "write_points",

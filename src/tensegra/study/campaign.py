@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensegra.errors import StudyError
+from tensegra.presented import Presented
 from tensegra.savable import Savable
 from tensegra.study.data import TrainingData
 from tensegra.study.derivatives import derivative_name
@@ -39,7 +40,8 @@ class CampaignState:
     statuses
         How many rows have each status, the most frequent first.
     reasons
-        How many rows that are not stable give each reason, the most frequent first.
+        How many rows that are not stable, or strained beyond their law, give each reason, the most
+        frequent first.
     seconds_per_run
         Mean solver time of a run, NaN if there is none yet.
     driver, host
@@ -74,7 +76,7 @@ class CampaignState:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Campaign(Savable):
+class Campaign(Presented, Savable):
     """The runs of a study that are in a folder, be it finished or not.
 
     Attributes
@@ -125,6 +127,10 @@ class Campaign(Savable):
         ordered = frame.iloc[rows[points]]
         ordered.index = points
         return ordered.rename_axis(index="point")
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return all rows that there are; see `frame`."""
+        return self.frame()
 
     def select(self, frame: "pd.DataFrame | None" = None, *, compare: bool = True) -> Selection:
         """Select the runs to learn from, as the study says; see `tensegra.study.select`."""
@@ -202,12 +208,12 @@ class Campaign(Savable):
         frame = self.frame(["status", "reason", "seconds"])
         driver = driver_of(self.folder)
         rate = np.nan if driver is None else _rate(driver)
-        not_stable = frame["reason"][frame["status"] != "stable"]
+        said = frame["reason"][(frame["status"] != "stable") | (frame["reason"] != "")]
         return CampaignState(
             n_points=self.study.n_points,
             n_done=len(frame),
             statuses=dict(Counter(frame["status"]).most_common()),
-            reasons=dict(Counter(not_stable).most_common()),
+            reasons=dict(Counter(said).most_common()),
             seconds_per_run=float(frame["seconds"].mean()) if len(frame) else np.nan,
             driver=None if driver is None else int(driver["pid"]),
             host=None if driver is None else str(driver.get("host", "?")),
@@ -215,7 +221,9 @@ class Campaign(Savable):
         )
 
     def __repr__(self) -> str:
-        return f"Campaign({str(self.folder)!r}: {self.study.name!r})"
+        study = self.study
+        names = ", ".join(study.input_names), ", ".join(output.name for output in study.outputs)
+        return f"Campaign({str(self.folder)!r}: {study.name!r}; {study.n_points} points, {' → '.join(names)})"
 
 
 def _rate(driver: Driver) -> float:

@@ -123,7 +123,7 @@ def evaluate(
         X=X,
         Y=np.stack([np.where(failed, np.nan, output.of(runs)) for output in outputs], axis=1),
         status=status,
-        reason=np.asarray(runs.reason, dtype=np.str_),
+        reason=np.where(runs.beyond_law, _beyond(runs.reason), np.asarray(runs.reason, dtype=np.str_)),
         residual=np.where(failed, np.nan, runs.residual),
         lowest_eigenvalue=np.where(failed, np.nan, runs.lowest_eigenvalue),
         steps=np.asarray(runs.steps, dtype=np.int32),
@@ -131,6 +131,14 @@ def evaluate(
         seconds=np.asarray(runs.seconds, dtype=np.float64),
         dY=output_derivatives(variables, outputs, runs, X, arguments, solve) if derivatives else None,
     )
+
+
+BEYOND_LAW = "strained beyond what the linear law holds for"
+
+
+def _beyond(reasons: NDArray[Any]) -> NDArray[np.str_]:
+    """Return the reasons with what is said of runs beyond the law, in front, where reasons are counted."""
+    return np.array([f"{BEYOND_LAW}; {reason}" if reason else BEYOND_LAW for reason in reasons], np.str_)
 
 
 def batch_inputs(

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tensegra.errors import StudyError
-from tensegra.filenames import require_file_names
+from tensegra.files import require_file_names
 from tensegra.study.analyses import TRUTH, AnalysisEntry, SurrogateEntry
 from tensegra.study.entry import Entry
 

@@ -38,6 +38,7 @@ class OutputEntry(OneOf):
         {"max_tension": "all"},
         {"min_tension": "top"},
         {"slack_cables": "all"},
+        {"largest_strain": "all"},
         {"lowest_eigenvalue": True},
     )
 
@@ -58,6 +59,8 @@ class OutputEntry(OneOf):
     """Group, or `all`, of whose members this is the smallest tension. Unit: force."""
     slack_cables: Identifier | None = None
     """Group, or `all`, of which this is the number of slack cables. Unit: 1."""
+    largest_strain: Identifier | None = None
+    """Group, or `all`, of whose members this is the largest strain T/EA in magnitude. Unit: 1."""
     lowest_eigenvalue: Literal[True] | None = None
     """Lowest eigenvalue of the tangent stiffness. Unit: force/length."""
     nodes: Nodes | None = Field(default=None, min_length=1)
@@ -79,6 +82,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "max_tension": "force",
     "min_tension": "force",
     "slack_cables": "ratio",
+    "largest_strain": "ratio",
     "lowest_eigenvalue": "force per length",
 }
 """The quantities that can be an output, and their dimensions."""
@@ -154,7 +158,7 @@ def _members(entry: OutputEntry, structure: Structure, place: str) -> tuple[str,
             known = [*structure.members, *structure.groups]
             raise StudyError.at(place, entry.value, "a member or a group", candidates=known)
         return structure.members_named(str(entry.value))
-    if entry.kind not in {"max_tension", "min_tension", "slack_cables"}:
+    if entry.kind not in {"max_tension", "min_tension", "slack_cables", "largest_strain"}:
         return ()
     name = str(entry.value)
     if name == ALL:
@@ -219,6 +223,7 @@ _VALUES: dict[str, Callable[[Output, "Batch"], Array]] = {
     "max_tension": lambda output, runs: _tensions(output, runs).max(axis=1),
     "min_tension": lambda output, runs: _tensions(output, runs).min(axis=1),
     "slack_cables": _slack_cables,
+    "largest_strain": lambda output, runs: np.abs(runs.strains[:, _rows(output, runs)]).max(axis=1),
     "lowest_eigenvalue": lambda _, runs: runs.lowest_eigenvalue,
 }
 """How each quantity is taken from the solved runs."""

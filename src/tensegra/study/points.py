@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.errors import StudyError
+from tensegra.files import replacing
 from tensegra.structure import Structure
 from tensegra.study.tablefile import read_numbers
 from tensegra.study.variables import Variable, require_range
@@ -46,16 +47,24 @@ def read_points(
 
 
 def write_points(path: Path, names: Sequence[str], X: NDArray[np.float64]) -> None:
-    """Write design points as CSV or Parquet, by the suffix."""
+    """Write design points as CSV or Parquet, by the suffix.
+
+    Raises
+    ------
+    StudyError
+        The file is named otherwise, or cannot be written.
+    """
     import pandas as pd
 
-    table = pd.DataFrame(X, columns=list(names))
-    if path.suffix.lower() == ".csv":
-        table.to_csv(path, index=False)
-    elif path.suffix.lower() == ".parquet":
-        table.to_parquet(path, index=False)
-    else:
+    suffix = path.suffix.lower()
+    if suffix not in {".csv", ".parquet"}:
         raise StudyError.at(path.name, path.suffix, "a file named .csv or .parquet")
+    table = pd.DataFrame(X, columns=list(names))
+    with replacing(path, StudyError) as file:
+        if suffix == ".csv":
+            table.to_csv(file, index=False)
+        else:
+            table.to_parquet(file, index=False)
 
 
 def _on_support(values: NDArray[np.float64], variable: Variable, place: str) -> NDArray[np.float64]:

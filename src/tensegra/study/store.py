@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.errors import StudyError
-from tensegra.study.atomic import TEMPORARY, replacing, writing
+from tensegra.files import is_draft, replacing, telling
 from tensegra.study.derivatives import derivative_name
 from tensegra.study.evaluate import Runs
 from tensegra.study.study import RUN_COLUMNS, Study
@@ -40,6 +40,9 @@ if TYPE_CHECKING:
 __all__ = ["SCHEMA", "Store", "read_manifest", "require_same_study", "row_keys"]
 
 SCHEMA = "tensegra/campaign/1"
+
+SAFE = "; the shards that are there are whole, run again to go on"
+"""What a failure to write says to who fears for the runs."""
 
 MANIFEST, STUDY, POINTS, SHARDS = "manifest.json", "study.json", "points.parquet", "shards"
 BROKEN = "broken"
@@ -117,7 +120,7 @@ class Store:
         name = f"{first:08d}-{sha256(runs.X.tobytes()).hexdigest()[:12]}.parquet"
         table = self._table(runs)
         path = self.shards / name
-        with replacing(path) as file:
+        with replacing(path, StudyError, SAFE) as file:
             # A sum of each page tells a shard that has been altered from one that has not; numbers
             # that hardly repeat are no matter for a dictionary.
             pq.write_table(table, file, write_page_checksum=True, use_dictionary=["status", "reason"])
@@ -205,7 +208,7 @@ class Store:
         import pyarrow as pa
 
         for folder in (self.folder, self.shards):
-            for left_over in folder.glob(f".*{TEMPORARY}"):
+            for left_over in filter(is_draft, folder.iterdir()):
                 left_over.unlink()
         broken = []
         for path in self.paths():
@@ -236,7 +239,7 @@ class Store:
         """
         store = cls.of(folder, study)
         require_same_study(folder, study)
-        with writing(folder):
+        with telling(folder, StudyError, SAFE):
             store.shards.mkdir(exist_ok=True)
         mapping = study.to_mapping()
         if study.points is not None:
@@ -244,7 +247,7 @@ class Store:
             import pyarrow.parquet as pq
 
             points = pa.table(dict(zip(study.input_names, np.ascontiguousarray(study.points.T), strict=True)))
-            with replacing(folder / POINTS) as file:
+            with replacing(folder / POINTS, StudyError, SAFE) as file:
                 pq.write_table(points, file)
             mapping["design"] = {"sampler": "file", "file": POINTS}
         _write_json(folder / STUDY, mapping)
@@ -295,9 +298,7 @@ def require_same_study(folder: Path, study: Study) -> None:
     """
     if not (folder / MANIFEST).exists():
         known = {"lock", SHARDS, STUDY, POINTS, BROKEN}
-        others = [
-            path.name for path in folder.iterdir() if path.name not in known and path.suffix != TEMPORARY
-        ]
+        others = [path.name for path in folder.iterdir() if path.name not in known and not is_draft(path)]
         if others:
             raise StudyError(f"{folder}: found {others[0]!r} and no campaign, expected a new or empty folder")
         return
@@ -361,5 +362,5 @@ def _version(package: str) -> str:
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:
     text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
-    with replacing(path) as file:
+    with replacing(path, StudyError, SAFE) as file:
         file.write(text.encode())

@@ -81,7 +81,7 @@ class VariableEntry(OneOf):
         {"youngs_modulus": "steel", "distribution": {"normal": {"mean": 11500, "std": 200}}},
         {"area": "top", "distribution": {"normal": [0.5, 0.01]}},
         {"rest_length": "K1", "distribution": {"uniform": [295, 300]}},
-        {"rest_length_error": "top", "distribution": {"normal": {"mean": 0, "std": 0.001}}},
+        {"rest_length_error": "top", "distribution": {"normal": [0, 0.001]}},
         {"load": {"node": 9, "axis": "z"}, "distribution": {"uniform": [-1, 0]}},
         {"position": {"node": 1, "axis": "z"}, "distribution": {"normal": [0, 0.1]}},
         {"prestress": {"stage": "prestress", "members": ["K1"]}, "distribution": {"uniform": [-0.03, -0.02]}},
@@ -99,8 +99,8 @@ class VariableEntry(OneOf):
     rest_length: Identifier | None = None
     """Member whose rest length before all stages this is. Unit of its law: length."""
     rest_length_error: Identifier | None = None
-    """Member, or group of members, whose rest lengths before all stages are longer by this relative error, as
-    they were cut: 0.001 is a thousandth too long. Unit of its law: 1."""
+    """Member or group of which this is the relative error of the rest lengths before all stages, as they were
+    cut: 0.001 is a thousandth too long. Unit of its law: 1."""
     load: Coordinate | None = None
     """Node and axis of a force that is added to the last stage's. Unit of its law: force."""
     position: Coordinate | None = None

@@ -8,7 +8,8 @@ from tensegra.surrogate.kinds import KINDS
 from tensegra.surrogate.regimes import RegimeData, campaign_runs, regime_labels
 from tensegra.surrogate.storage import load
 from tensegra.surrogate.surrogate import OutsideBoxWarning, Surrogate
-from tensegra.surrogate.validation import Validation
+from tensegra.surrogate.threads import one_thread
+from tensegra.surrogate.validation import Validation, measure
 
 __all__ = [
     "KINDS",
@@ -25,5 +26,7 @@ __all__ = [
     "fit",
     "learn",
     "load",
+    "measure",
+    "one_thread",
     "regime_labels",
 ]

@@ -12,7 +12,6 @@ content always gives the same bytes, and nothing of it is ever run.
 
 import io
 import json
-import os
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -26,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra.errors import StudyError
+from tensegra.files import replacing
 
 __all__ = ["MOST_BYTES", "Arrays", "open_archive", "write_archive"]
 
@@ -47,15 +47,10 @@ def write_archive(path: Path, header: bytes, arrays: Mapping[str, NDArray[Any]])
         entries[f"arrays/{name}.npy"] = buffer.getvalue()
     sums = {name: sha256(content).hexdigest() for name, content in entries.items()}
     entries[SUMS] = json.dumps(sums, indent=1).encode()
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, content in entries.items():
-                # Without the time of writing.
-                archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with replacing(path, StudyError) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in entries.items():
+            # Without the time of writing.
+            archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
 
 
 class Arrays(Mapping[str, NDArray[Any]]):

@@ -125,6 +125,7 @@ def train(
     iterations: int | None = None,
     adam_iterations: int = 5_000,
     learning_rate: float = 1e-3,
+    adam_batch: int | None = None,
     derivatives: bool = True,
     ensemble: int = 1,
 ) -> Network:
@@ -147,6 +148,8 @@ def train(
         Limit of Levenberg–Marquardt (80 where left out) or of L-BFGS (2,000).
     adam_iterations, learning_rate
         Of the first of the two stages.
+    adam_batch
+        Runs of an iteration of that stage; all of them where left out, which takes long with many runs.
     derivatives
         Use the runs' derivatives if they have any.
     ensemble
@@ -168,6 +171,8 @@ def train(
     widths = tuple(HIDDEN[training] if hidden is None else hidden)
     if not widths or min(widths) < 1:
         raise StudyError.at("nn: hidden", hidden, "a number of neurons for each hidden layer")
+    if adam_batch is not None and adam_batch < 1:
+        raise StudyError.at("nn: adam_batch", adam_batch, "1 or more runs")
     if ensemble < 1:
         raise StudyError.at("nn: ensemble", ensemble, "1 or more networks")
 
@@ -177,9 +182,8 @@ def train(
         Z, T, dT = problem.Z, problem.T, problem.dT if derivatives else None
         first = initial_layers((Z.shape[1], *widths, T.shape[1]), rng)
         if training == "two_stage":
-            return two_stage(
-                first, Z, T, dT, adam_iterations, learning_rate, 2_000 if iterations is None else iterations
-            )
+            limit = 2_000 if iterations is None else iterations
+            return two_stage(first, Z, T, dT, adam_iterations, learning_rate, limit, adam_batch)
         return levenberg_marquardt(first, Z, T, dT, 80 if iterations is None else iterations)
 
     coordinates = Coordinates.of(problem)

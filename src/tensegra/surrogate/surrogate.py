@@ -10,10 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegra.errors import StudyError
+from tensegra.presented import Presented
 from tensegra.surrogate.problem import FastModel, Model, OutcomeModel, Scaling
 from tensegra.surrogate.validation import Validation
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from tensegra.study.space import Space
 
 __all__ = ["OutsideBoxWarning", "Surrogate"]
@@ -33,7 +36,7 @@ class OutsideBoxWarning(UserWarning):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Surrogate:
+class Surrogate(Presented):
     """A function fitted to runs, that stands for the mechanics where thousands of evaluations are wanted.
 
     Made by `tensegra.surrogate.fit`. Inputs and outputs are in the study's own units, columns in the order
@@ -264,6 +267,17 @@ class Surrogate:
             lines.append(f"  error ({self.validation.method})")
             lines += [f"    {line}" for line in self.validation.lines(self.output_units)]
         return "\n".join(lines)
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return the errors that were measured, a row for each output; no row where none was."""
+        import pandas as pd
+
+        found = self.validation
+        measures = ("normalised_error", "r2", "mean_abs_error", "rms_error", "max_abs_error", "coverage_90")
+        columns: dict[str, object] = {"output": self.output_names, "unit": self.output_units}
+        columns |= {name: getattr(found, name, None) for name in measures}
+        frame = pd.DataFrame(columns)
+        return frame.iloc[: 0 if found is None else None]
 
     def __repr__(self) -> str:
         error = "" if self.validation is None else f"; {self.validation.summary()}"

@@ -38,6 +38,7 @@ def two_stage(
     adam_iterations: int,
     learning_rate: float,
     lbfgs_iterations: int,
+    batch: int | None = None,
 ) -> Layers:
     """Minimise the mean square error as the source paper does: by Adam, then by L-BFGS.
 
@@ -48,9 +49,12 @@ def two_stage(
     Z, T, dT
         Points (n, d), outputs (n, k) and derivatives (n, k, d) or None, standardised.
     adam_iterations, learning_rate
-        Of the first stage; every iteration uses all points.
+        Of the first stage.
     lbfgs_iterations
-        Limit of the second stage.
+        Limit of the second stage, whose iterations use all points.
+    batch
+        Points of an iteration of the first stage, one part after the other in their order; all where left
+        out.
 
     Returns
     -------
@@ -62,7 +66,8 @@ def two_stage(
 
     sizes = sizes_of(first)
     with jax.enable_x64(True):  # noqa: FBT003 - positional-only in JAX
-        adam, loss = _two_stage_functions(sizes, dT is not None)
+        few = batch if batch is not None and batch < len(Z) else None
+        adam, loss = _two_stage_functions(sizes, dT is not None, few)
         data = jax.device_put((Z, T, dT if dT is not None else np.zeros(0)))
         theta = np.asarray(adam(flat(first), *data, adam_iterations, learning_rate))
         # SciPy stops at a decrease that is small beside max(1, loss); the losses here end at 1e-9 or less,
@@ -190,7 +195,7 @@ def _residual_functions(
 
 @lru_cache(maxsize=16)
 def _two_stage_functions(
-    sizes: Sizes, with_derivatives: bool
+    sizes: Sizes, with_derivatives: bool, batch: int | None
 ) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Return compiled functions: all of Adam's iterations, and the mean square error with its gradient."""
     import jax
@@ -209,9 +214,16 @@ def _two_stage_functions(
     ) -> Any:  # noqa: ANN401
         optimiser = optax.adam(learning_rate)
 
-        def iterate(_: int, carry: tuple[Any, Any]) -> tuple[Any, Any]:
+        def part(i: int, values: "JaxArray") -> "JaxArray":
+            if batch is None or not values.size:
+                return values
+            first = (i * batch) % (len(Z) - batch + 1)
+            return jax.lax.dynamic_slice_in_dim(values, first, batch)
+
+        def iterate(i: int, carry: tuple[Any, Any]) -> tuple[Any, Any]:
             theta, state = carry
-            update, state = optimiser.update(jax.grad(loss)(theta, Z, T, dT), state)
+            slope = jax.grad(loss)(theta, part(i, Z), part(i, T), part(i, dT))
+            update, state = optimiser.update(slope, state)
             return optax.apply_updates(theta, update), state
 
         trained, _ = jax.lax.fori_loop(0, iterations, iterate, (theta, optimiser.init(theta)))

@@ -1,28 +1,21 @@
 """Intervals hold as often as they say: a small version of `benchmarks/coverage.py`, truths in closed form."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+from benchmarks import coverage as benchmark
 from tensegra.analysis import FunctionModel, propagate
-
-PATH = Path(__file__).parents[3] / "benchmarks" / "coverage.py"
-SPEC = importlib.util.spec_from_file_location("coverage_benchmark", PATH)
-BENCHMARK = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(BENCHMARK)
 
 # An interval that holds in 95 of 100 holds in fewer than 32 of 40 once in 5,000 times.
 REPEATS, FEWEST = 40, 32 / 40
 SAMPLES = 1024
-CASES = (*BENCHMARK.SMOOTH, *BENCHMARK.counted(SAMPLES))
+CASES = (*benchmark.SMOOTH, *benchmark.counted(SAMPLES))
 
 
 @pytest.mark.parametrize("method", ["monte_carlo", "quasi_monte_carlo"])
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_intervals_hold(case, method):
-    found = BENCHMARK.coverage(case, method, SAMPLES, REPEATS)
+    found = benchmark.coverage(case, method, SAMPLES, REPEATS)
     assert min(found.values()) >= FEWEST, found
 
 

@@ -218,8 +218,8 @@ def test_history_as_a_table(bent):
     assert table["stage"].unique().tolist() == ["prestress", "actuation"]
     last = table.iloc[-1]
     assert last["parameter"] == 1.0
-    assert last["23.z"] == bent.final.node("23")[2]
-    assert last["T.K1"] == pytest.approx(bent.final.tension("K1"), rel=1e-12)
+    assert last["z_23"] == bent.final.node("23")[2]
+    assert last["T_K1"] == pytest.approx(bent.final.tension("K1"), rel=1e-12)
 
 
 def test_history_as_a_dataset(bent):
@@ -248,15 +248,15 @@ def test_a_stage_found_in_one_go_has_its_end_in_the_history():
     assert (last["stage"], last["parameter"]) == ("prestress", 1.0)
     # Two springs in series: rest lengths of 0.99 and 1 under a total length of 2.
     tension = 1e5 * (2 / 1.99 - 1)
-    assert [last["T.r"], last["T.q"]] == pytest.approx([tension, tension], rel=1e-9)
-    assert last["b.x"] == pytest.approx(2 * 0.99 / 1.99, rel=1e-9)
+    assert [last["T_r"], last["T_q"]] == pytest.approx([tension, tension], rel=1e-9)
+    assert last["x_b"] == pytest.approx(2 * 0.99 / 1.99, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", [name for name in library.__all__ if name != "gripper"])
 def test_every_history_ends_where_the_path_does(name):
     found = solve_path(getattr(library, name)())
     last = found.to_dataframe().iloc[-1]
-    nodes = last[[f"{node}.{axis}" for node in found.structure.nodes for axis in "xyz"]]
+    nodes = last[[f"{axis}_{node}" for node in found.structure.nodes for axis in "xyz"]]
     np.testing.assert_allclose(nodes.to_numpy(dtype=float), found.final.nodes.ravel(), rtol=0, atol=0)
 
 

@@ -75,14 +75,20 @@ SLIPS = {
         {"material": {"youngs_modulus": 210e9}},
         "Material steel has a modulus of 2.1e+18 Pa, which no solid has; is it in kN/cm^2?",
     ),
-    "a modulus a thousand times too small": ({"material": {"youngs_modulus": 21}}, "strained beyond 5 %"),
+    "a modulus a thousand times too small": (
+        {"material": {"youngs_modulus": 21}},
+        "beyond what the linear law holds",
+    ),
     "a mass density for a weight": (
         {"material": {"weight": 7850}},
         "weighs 7.85e+12 N/m^3, which nothing does",
     ),
     "an area in square millimetres": ({"member": {"area": 50_000}}, "Member c is as thick as long"),
     "an area in square metres": ({"member": {"area": 2e-10}}, "a millionth as thick as long"),
-    "a load in newtons": ({"stages": [{"loads": {2: [0, 0, -20_000]}}]}, "strained beyond 5 %"),
+    "a load in newtons": (
+        {"stages": [{"loads": {2: [0, 0, -20_000]}}]},
+        "beyond what the linear law holds",
+    ),
     "a strength in meganewtons": ({"member": {"strength": 0.04}}, "loaded beyond strength or buckling load"),
     "no support": (
         {"supports": {}, "stages": [], "gravity": [0, 0, 0]},

@@ -14,7 +14,12 @@ STRAIN_ROUNDING = 1e-14
 
 
 @pytest.mark.parametrize(
-    ("beam", "strut_area"), [(library.paper_beam(), 255.0), (library.paper_beam_slender(), 2.55)]
+    ("beam", "strut_area"),
+    [
+        (library.paper_beam(), 255.0),
+        (library.paper_beam_slender(), 2.55),
+        (library.paper_beam_identified(), 255.0),
+    ],
 )
 def test_the_beams_have_the_printed_counts(beam, strut_area):
     kinds = [(member.kind, len(member.nodes)) for member in beam.members.values()]
@@ -99,3 +104,10 @@ def test_the_supports_hold_a_prism_without_reactions():
 def test_an_impossible_prism_is_refused(arguments, message):
     with pytest.raises(ModelError, match=message):
         library.prism(**arguments)
+
+
+def test_a_gripper_of_a_beam_that_is_held_in_part_is_refused():
+    beam = library.paper_beam()
+    loose = beam.replace(supports={**beam.supports, "1": "xy"})
+    with pytest.raises(ModelError, match="xyz, which a rotation keeps"):
+        library.gripper(4, beam=loose)

@@ -34,8 +34,9 @@ LOADED_OR_STAGED = {
     "hanging_chain, taut": library.hanging_chain(13, span=8.0, length=7.9),
     "paper_beam": library.paper_beam(),
     "paper_beam_slender": library.paper_beam_slender(),
+    "paper_beam_identified": library.paper_beam_identified(),
     "gripper": library.gripper(),
-    "gripper, three slender beams": library.gripper(3, slender=True),
+    "gripper, three slender beams": library.gripper(3, beam=library.paper_beam_slender()),
 }
 ALL = DRAWN_IN_EQUILIBRIUM | LOADED_OR_STAGED
 

@@ -191,3 +191,38 @@ def test_the_content_is_plain_json(tripod):
     from tensegra.structure import structure_to_mapping
 
     assert parse_structure(json.loads(json.dumps(structure_to_mapping(tripod)))) == tripod
+
+
+@pytest.mark.parametrize("left_out", [{}, {"rest_length": None}])
+def test_a_member_without_a_rest_length_is_as_long_as_its_nodes(left_out):
+    nodes = {"1": (0, 0, 0), "2": (3, 4, 0), "3": (3, 4, 1)}
+    rope = Structure(
+        name="rope",
+        nodes=nodes,
+        members={"K": Member("cable", ("1", "2", "3"), stiffness=10.0, **left_out)},
+        supports={"1": "xyz", "2": "xyz", "3": "xyz"},
+    )
+    assert rope.members["K"].rest_length == 6.0
+    # Measured once: a node that moves later leaves it as it is.
+    assert rope.replace(nodes=nodes | {"3": (3, 4, 2)}).members["K"].rest_length == 6.0
+
+
+def test_a_nan_that_was_computed_is_no_rest_length_that_was_left_out():
+    with pytest.raises(ModelError, match=r"rest_length: found nan"):
+        Structure(
+            name="rope",
+            nodes={"1": (0, 0, 0), "2": (3, 4, 0)},
+            members={"K": Member("cable", ("1", "2"), rest_length=float("nan"), stiffness=10.0)},
+        )
+
+
+@pytest.mark.parametrize("node", [("a", 0, 0), (1, 2), None, (float("inf"), 0, 0)])
+def test_a_bad_node_is_told_and_not_the_length_that_it_spoils(node):
+    with pytest.raises(ModelError) as told:
+        Structure(
+            name="rope",
+            nodes={"1": (0, 0, 0), "2": node},
+            members={"K": Member("cable", ("1", "2"), stiffness=10.0)},
+        )
+    assert "nodes" in str(told.value)
+    assert "rest_length" not in str(told.value)

@@ -140,7 +140,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_draft(rope, tmp_path, monkeyp
         raise OSError(message)
 
     monkeypatch.setattr("pathlib.Path.replace", no_space)
-    with pytest.raises(OSError, match="no space"):
+    with pytest.raises(ModelError, match=r"rope\.json: cannot be written .no space left on device."):
         write_structure(rope, path)
     assert path.read_text(encoding="utf-8") == "the old file"
     assert list(tmp_path.iterdir()) == [path]

@@ -147,7 +147,7 @@ def test_a_spoilt_shard_is_set_aside_and_computed_again(tmp_path, study, countin
     expected = campaign.frame()
     victim = campaign.store.paths()[1]
     spoil(victim)
-    left_over = victim.with_name(".00000000-x.parquet.writing")
+    left_over = victim.with_name(".00000000-x.41.writing.parquet")
     left_over.write_bytes(b"half")
     with pytest.raises(StudyError, match=f"{victim.name}: cannot be read .*; run the study again"):
         campaign.state()
@@ -171,7 +171,7 @@ def test_a_shard_that_cannot_be_written_is_told_and_leaves_nothing(tmp_path, stu
         write(table, file, **options)
 
     monkeypatch.setattr(pq, "write_table", fail_on_the_third)
-    with pytest.raises(StudyError, match=r"cannot write .no space left on device.; the shards"):
+    with pytest.raises(StudyError, match=r"cannot be written .no space left on device.; the shards"):
         study.run(tmp_path, solver=solver)
     assert open_campaign(tmp_path).state().n_done == 32
     assert [path.name for path in (tmp_path / "shards").iterdir() if path.suffix != ".parquet"] == []

@@ -49,7 +49,7 @@ def assert_whole(folder, undisturbed):
     """Assert that a campaign has every row, as it should be, and once."""
     assert_frame_equal(open_campaign(folder).frame(), undisturbed, check_exact=True)
     assert sum(pq.read_metadata(path).num_rows for path in shards(folder)) == N_POINTS
-    assert not list(folder.rglob("*.writing"))
+    assert not list(folder.rglob("*.writing*"))
 
 
 def wait_for_more(folder, driver):
@@ -149,7 +149,7 @@ def test_a_disk_that_takes_no_more(tmp_path, content, drivers, solver, undisturb
     resource.prlimit(driver.pid, resource.RLIMIT_FSIZE, (1000, 1000))
     _, message = driver.communicate()
     assert driver.returncode == 1
-    assert "cannot write (file too large); the shards that are there are whole, run again" in message
+    assert "cannot be written (file too large); the shards that are there are whole, run again" in message
     assert 0 < open_campaign(folder).state().n_done < N_POINTS
     parse_study(content).run(folder, solver=solver)
     assert_whole(folder, undisturbed)
@@ -195,7 +195,9 @@ def test_a_full_disk_is_told_and_running_again_finishes(tmp_path, content, undis
     done = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603 - our own script
     found = json.loads(done.stdout)
     assert len(found["told"]) == 1
-    assert "cannot write (no space left on device); the shards that are there are whole" in found["told"][0]
+    assert (
+        "cannot be written (no space left on device); the shards that are there are whole" in found["told"][0]
+    )
     assert 0 < found["n_done"] < N_POINTS
     assert {Path(name).suffix for name in found["left"]} == {".parquet"}
     assert_frame_equal(pd.read_parquet(rows), undisturbed, check_exact=True)

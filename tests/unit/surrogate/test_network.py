@@ -75,6 +75,25 @@ def test_second_stage_goes_on_where_adam_ends():
     assert errors[1] < 0.1 * errors[0]
 
 
+def test_adam_learns_from_a_part_of_the_runs_at_a_time():
+    X, new = uniform(300), 0.9 * uniform(100, seed=3)
+    options = {"training": "two_stage", "hidden": (12,), "iterations": 0, "validation": None}
+
+    def predicted(runs, **more):
+        return fit((X[runs], wave(X[runs])), "nn", **options, **more).predict(new)
+
+    def error(runs, **more):
+        return np.abs(predicted(runs, **more) - wave(new)).mean()
+
+    every, first = np.arange(300), np.arange(16)
+    # All parts are learned from, not the first alone.
+    in_parts = error(every, adam_batch=16, adam_iterations=4000)
+    assert in_parts < 0.5 * error(first, adam_iterations=4000)
+    # A part as large as the whole is the whole.
+    whole = predicted(every, adam_iterations=50)
+    np.testing.assert_array_equal(predicted(every, adam_iterations=50, adam_batch=300), whole)
+
+
 def test_levenberg_marquardt_is_the_more_accurate_of_the_two():
     X = uniform(150)
     accurate = fit((X, wave(X)), "nn", hidden=(10, 10))
@@ -117,6 +136,7 @@ def test_an_ensemble_covers_what_it_says():
         ({"hidden": ()}, "nn: hidden"),
         ({"hidden": (0,)}, "nn: hidden"),
         ({"ensemble": 0}, "1 or more networks"),
+        ({"adam_batch": 0}, "nn: adam_batch"),
         ({"ensemble": 2}, "10 runs or more"),
     ],
 )

@@ -49,8 +49,7 @@ def propagation_figure(content: Content) -> "Figure":
         axes = top.add_subplot(input_rows, min(len(inputs), 5), i + 1)
         histogram(axes, summary, GREY, filled=True)
         axes.set_xlabel(labelled(summary["name"], summary["unit"]))
-        axes.set_yticks([])
-        axes.locator_params(axis="x", nbins=3)
+        axes.locator_params(nbins=3)
         axes.tick_params(labelsize=7)
     top.supylabel("density", fontsize=8.5)
     models = [content, *([content["other"]] if content["other"] else [])]
@@ -160,6 +159,7 @@ def search_figure(contents: Sequence[Content], traces: "Sequence[pd.DataFrame]")
         axes.set_title(content["method"])
         axes.set_xlabel("evaluations")
         axes.locator_params(axis="x", nbins=4)
+        axes.ticklabel_format(axis="x", style="plain")
     for axes in panels[:: min(columns, len(panels))]:
         axes.set_ylabel(labelled("objective", unit_of(contents[0]["formula"], contents[0]["units"])))
     legend_above(made, panels[0])

@@ -38,7 +38,12 @@ LABEL_SIZE = (0.035, 0.035)
 
 @styled
 def structure_figure(
-    structure: Structure, nodes: Array, named: Sequence[str] = (), *, reference: Array | None = None
+    structure: Structure,
+    nodes: Array,
+    named: Sequence[str] = (),
+    *,
+    reference: Array | None = None,
+    members: Sequence[str] = (),
 ) -> "Figure":
     """Draw a structure in space, with the names of as many nodes as find room.
 
@@ -52,6 +57,8 @@ def structure_figure(
         Nodes whose names matter most.
     reference
         Other positions, drawn in grey, shape (n_nodes, 3).
+    members
+        Members whose names are written at their middles.
     """
     made = figure(3.9)
     axes = _axes_in_space(made, (0.0, 0.02, 0.92, 0.94))
@@ -62,6 +69,7 @@ def structure_figure(
     axes.scatter(*nodes[held].T, marker="^", s=30, color=GREEN, label="supports", depthshade=False, zorder=10)
     _frame(axes, structure, nodes if reference is None else np.concatenate([reference, nodes]), zoom=1.36)
     _name_nodes(axes, structure, nodes, [*named, *structure.supports, *structure.node_ids])
+    _name_members(axes, structure, nodes, members)
     handles, labels = axes.get_legend_handles_labels()
     made.legend(handles, labels, loc="upper left", ncols=len(labels))
     return made
@@ -123,6 +131,19 @@ def _name_nodes(axes: Any, structure: Structure, nodes: Array, order: Sequence[s
         if all(np.any(np.abs(place - other) > LABEL_SIZE * size) for other in placed):
             placed.append(place)
             axes.text(*nodes[n], f" {name}", fontsize=7, color="#303030", zorder=11, path_effects=halo)
+
+
+def _name_members(axes: Any, structure: Structure, nodes: Array, members: Sequence[str]) -> None:  # noqa: ANN401
+    """Write the names of members at the middle segments of their paths."""
+    from matplotlib.patheffects import withStroke
+
+    halo = [withStroke(linewidth=2.5, foreground="white")]
+    for name in members:
+        path = structure.members[name].nodes
+        first, second = path[(len(path) - 1) // 2], path[(len(path) - 1) // 2 + 1]
+        middle = nodes[[structure.node_ids.index(node) for node in (first, second)]].mean(axis=0)
+        look = {"fontsize": 9, "fontweight": "bold", "color": VERMILION, "ha": "center", "zorder": 12}
+        axes.text(*middle, name, path_effects=halo, **look)
 
 
 def _segments(structure: Structure, nodes: Array) -> dict[str, list[Array]]:

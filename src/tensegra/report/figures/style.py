@@ -14,9 +14,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
+    "BLACK",
+    "BLUE",
     "COLOURS",
+    "GREEN",
     "GREY",
+    "ORANGE",
+    "PURPLE",
+    "SKY",
     "STATUS_COLOURS",
+    "VERMILION",
+    "WIDTH",
     "YELLOW",
     "figure",
     "grid",

@@ -1,6 +1,6 @@
 """library: structures to start from, each with its source."""
 
-from tensegra.structure.library.beam import paper_beam, paper_beam_slender
+from tensegra.structure.library.beam import paper_beam, paper_beam_identified, paper_beam_slender
 from tensegra.structure.library.d_bar import d_bar
 from tensegra.structure.library.grid import grid
 from tensegra.structure.library.gripper import gripper
@@ -17,6 +17,7 @@ __all__ = [
     "hanging_chain",
     "levy_dome",
     "paper_beam",
+    "paper_beam_identified",
     "paper_beam_slender",
     "prism",
     "tower",

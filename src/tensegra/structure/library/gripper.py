@@ -3,8 +3,9 @@
 from dataclasses import replace
 from math import cos, pi, sin
 
+from tensegra.errors import ModelError
 from tensegra.structure.coerce import Vector
-from tensegra.structure.library.beam import paper_beam, paper_beam_slender
+from tensegra.structure.library.beam import paper_beam
 from tensegra.structure.library.stressed import require_count, require_positive
 from tensegra.structure.parts import Actuator, Member, Stage
 from tensegra.structure.structure import Structure
@@ -12,7 +13,7 @@ from tensegra.structure.structure import Structure
 __all__ = ["gripper"]
 
 
-def gripper(n_beams: int = 4, radius: float = 185.0, *, slender: bool = False) -> Structure:
+def gripper(n_beams: int = 4, radius: float = 185.0, *, beam: Structure | None = None) -> Structure:
     """Return the gripper: clustered beams that stand on a circle and bend towards its axis.
 
     The beam's own axis x points along the gripper's axis z, and its z, the way it deflects, inwards.
@@ -30,13 +31,15 @@ def gripper(n_beams: int = 4, radius: float = 185.0, *, slender: bool = False) -
         Distance of the beams' axes from the gripper's axis, cm. The publication prints none; with
         185, the polygon of the fingertips (nodes 18 and 23 of `paper_beam`) has 2980 cm² where all four
         cables are actuated by 30 %, near the printed 2910 cm².
-    slender
-        Take `paper_beam_slender`.
+    beam
+        That stands there, such as `paper_beam_slender`; `paper_beam` where left out. Each of its held nodes
+        is held along all axes.
 
     Raises
     ------
     ModelError
-        Fewer than two beams, or a radius that is not positive.
+        Fewer than two beams, a radius that is not positive, or a beam with a node that is held along some
+        axes only.
 
     Notes
     -----
@@ -54,7 +57,10 @@ def gripper(n_beams: int = 4, radius: float = 185.0, *, slender: bool = False) -
     """
     require_count("gripper", 2, n_beams=n_beams)
     require_positive("gripper", radius=radius)
-    beam = paper_beam_slender() if slender else paper_beam()
+    beam = beam or paper_beam()
+    for node, axes in beam.supports.items():
+        if set(axes) != set("xyz"):
+            raise ModelError.at(f"gripper: support {node} of the beam", axes, "xyz, which a rotation keeps")
     beams = range(1, n_beams + 1)
 
     def on_all(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -73,7 +79,6 @@ def gripper(n_beams: int = 4, radius: float = 185.0, *, slender: bool = False) -
         members={
             f"b{k}_{name}": _member_of(k, member) for k in beams for name, member in beam.members.items()
         },
-        # Every held node of the beam is held along all axes, so a rotation changes nothing.
         supports={f"b{k}_{node}": axes for k in beams for node, axes in beam.supports.items()},
         actuators={
             name: Actuator(on_all(actuator.members), actuator.effect)

@@ -1,0 +1,1 @@
+"""How fast structures are solved, beside the machine's limit and other programs."""
