@@ -1,31 +1,35 @@
 """Reference of the command line, from the commands themselves."""
 
 import inspect
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import get_args, get_type_hints
 
 from typer.models import ArgumentInfo, CommandInfo
 
 from tensegra.cli import app
+from tensegra.commands import GROUP
 
 __all__ = ["pages"]
 
 INTRO = """\
 # Command line
 
-Results go to stdout, progress and errors to stderr. `--json` prints the result as JSON. The exit code is 0 where the
-work was done, 1 where a number could not be found (what was found is written all the same), and 2 where the input is
-wrong: then one line says the place, what was found, what was expected, and the nearest right name.
+Results go to stdout, progress and errors to stderr. `--json` prints the result as JSON. The exit code is 0
+where the work was done, 1 where a number could not be found (what was found is written all the same), and 2
+where the input is wrong: then one line says the place, what was found, what was expected, and the nearest
+right name.
 """
 
 
 def pages(_folder: Path) -> dict[str, str]:
     """Return the page of all commands."""
     parts = [INTRO]
-    for command in sorted(app.registered_commands, key=_name):
-        function = command.callback
+    functions = {_name(command): command.callback for command in app.registered_commands}
+    functions |= {entry.name: entry.load() for entry in entry_points(group=GROUP)}
+    for name_of_command, function in sorted(functions.items()):
         hints = get_type_hints(function, include_extras=True)
-        rows, usage = [], [f"tensegra {_name(command)}"]
+        rows, usage = [], [f"tensegra {name_of_command}"]
         for name, parameter in inspect.signature(function).parameters.items():
             kind, info = get_args(hints[name])[:2]
             required = parameter.default is parameter.empty

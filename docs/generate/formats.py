@@ -66,8 +66,8 @@ def pages(_folder: Path) -> dict[str, str]:
     """Return the reference pages of both formats, by file name."""
     structure, study = (json.loads(schema_text(name)) for name in ("structure", "study"))
     where = {
-        **{name: "structure-file.md" for name in structure["$defs"]},
-        **{name: "study-file.md" for name in study["$defs"]},
+        **dict.fromkeys(structure["$defs"], "structure-file.md"),
+        **dict.fromkeys(study["$defs"], "study-file.md"),
         **{name: f"{page}.md" for page, (_, names, _) in PAGES.items() for name in names},
     }
     rest = tuple(name for name in study["$defs"] if where[name] == "study-file.md")
@@ -88,17 +88,17 @@ def pages(_folder: Path) -> dict[str, str]:
 
 
 _STRUCTURE = """\
-The format `tensegra/structure/1`, in YAML or JSON. `tensegra new` writes a file with a remark on every section,
-`tensegra check FILE` reads one and says what it is, and `tensegra schema structure` prints
-the [JSON Schema](../schemas/structure.schema.json) from which this page is made.
+The format `tensegra/structure/1`, in YAML or JSON. `tensegra new` writes a file with a remark on every
+section, `tensegra check FILE` reads one and says what it is, and `tensegra schema structure` prints the
+[JSON Schema](../schemas/structure.schema.json) from which this page is made.
 
-A **bold** key must be there. A number with a unit in brackets is in the file's own units; it may also carry its own,
-such as `255 mm^2`. Wherever members are named, a group of them may stand, too."""
+A **bold** key must be there. A number with a unit in brackets is in the file's own units; it may also carry
+its own, such as `255 mm^2`. Wherever members are named, a group of them may stand, too."""
 
 _STUDY = """\
-The format `tensegra/study/1`, in YAML or JSON. `tensegra run FILE` runs it, `tensegra run FILE --dry-run` says what it
-would do and how long it takes, and `tensegra schema study` prints the [JSON Schema](../schemas/study.schema.json)
-from which this page is made.
+The format `tensegra/study/1`, in YAML or JSON. `tensegra run FILE` runs it, `tensegra run FILE --dry-run`
+says what it would do and how long it takes, and `tensegra schema study` prints the [JSON
+Schema](../schemas/study.schema.json) from which this page is made.
 
 A **bold** key must be there. Numbers are in the units of the structure."""
 
@@ -182,14 +182,22 @@ def _type(entry: Schema, where: Mapping[str, str]) -> str:
         if word in entry:
             parts = [_type(one, where) for one in entry[word] if one.get("type") != "null"]
             return " or ".join(dict.fromkeys(part for part in parts if part))
-    kind = entry.get("type", "any value")
-    if kind == "array":
+    return _collection(entry, where) or _plain(entry.get("type", "any value"))
+
+
+def _collection(entry: Schema, where: Mapping[str, str]) -> str:
+    """Return the words for a list or a mapping, none for anything else."""
+    if entry.get("type") == "array":
         if "prefixItems" in entry:
             return f"list of {len(entry['prefixItems'])} numbers"
         return f"list of {_several(_type(entry['items'], where))}" if entry.get("items") else "list"
-    if kind == "object":
+    if entry.get("type") == "object":
         inner = entry.get("additionalProperties")
         return f"mapping: name → {_type(inner, where)}" if isinstance(inner, Mapping) else "mapping"
+    return ""
+
+
+def _plain(kind: str | list[str]) -> str:
     words = {"string": "text", "integer": "whole number", "boolean": "true or false"}
     kinds = [kind] if isinstance(kind, str) else [one for one in kind if one != "null"]
     if set(kinds) == {"number", "string"}:

@@ -16,12 +16,12 @@ SHOWN: Mapping[str, tuple[Callable[[], Structure], Mapping[str, float], str]] = 
     "tower": (
         lambda: library.tower(5, clustered="full"),
         {"chain0": 0.02},
-        "Five prisms of four struts. Its four cables run from the ground to the top, and shortening one bends it.",
+        "Five prisms of four struts. Four cables run from the ground to the top; shortening one bends it.",
     ),
     "paper-beam": (
         library.paper_beam,
         {"A14": 0.10, "A23": 0.10},
-        "Four clustered cables bend twelve struts upwards: the beam of the paper that this program began with.",
+        "Four clustered cables bend twelve struts upwards: the beam of the paper that is reproduced here.",
     ),
     "gripper": (
         library.gripper,
@@ -43,15 +43,19 @@ SHOWN: Mapping[str, tuple[Callable[[], Structure], Mapping[str, float], str]] = 
 }
 """By name: the structure, its actuation, and a sentence."""
 
+HEAD = """\
+# Gallery
+
+Eight structures of the library, solved and drawn by the build of this page. Struts are black, cables blue,
+clustered cables red; grey is where it stood before. Each file is read by `tensegra check`, and
+`tensegra new --from library:NAME` writes one with remarks.
+"""
+
 
 def pages(folder: Path) -> dict[str, str]:
     """Return the page of the gallery; draw its pictures and write its files."""
     (folder / "gallery").mkdir(exist_ok=True)
-    parts = [
-        "# Gallery\n\nEight structures of the library, solved and drawn by the build of this page. Struts are black, "
-        "cables blue, clustered cables red; grey is where it stood before. Each file is read by "
-        "`tensegra check`, and `tensegra new --from library:NAME` writes one with remarks.\n"
-    ]
+    parts = [HEAD]
     for name, (build, actuation, sentence) in SHOWN.items():
         structure = build()
         path = tg.solve_path(structure, actuation).raise_for_status()

@@ -3,6 +3,7 @@
 import ast
 import inspect
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import tensegra.mechanics
@@ -32,8 +33,9 @@ What a run that is not `stable` may be told, by the place in the source. ⟨…�
 ERRORS = """
 ## Errors
 
-A bad input is refused with one message: the place, what was found, what was expected, and the nearest right name. In
-Python it is one of these; on the command line it is printed after `tensegra: error:`, and the exit code is 2.
+A bad input is refused with one message: the place, what was found, what was expected, and the nearest right
+name. In Python it is one of these; on the command line it is printed after `tensegra: error:`, and the exit
+code is 2.
 
 | error | is a | when |
 | --- | --- | --- |
@@ -105,6 +107,6 @@ def _strings_below(kind: type) -> dict[str, str]:
     body = ast.parse(inspect.getsource(kind)).body[0].body  # type: ignore[attr-defined]
     return {
         one.targets[0].id: following.value.value
-        for one, following in zip(body, body[1:], strict=False)
+        for one, following in pairwise(body)
         if isinstance(one, ast.Assign) and isinstance(following, ast.Expr)
     }

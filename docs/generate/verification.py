@@ -3,6 +3,7 @@
 import ast
 import json
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +16,14 @@ __all__ = ["pages"]
 HEAD = """\
 # Verification and validation
 
-*Verification* asks whether the equations are solved right: against mathematics. *Validation* asks whether other
-programs and published figures say the same. This page is made from the tests: the first table is measured by the
-build, the rest are the tests' own words and tolerances. `scripts/test` runs them.
+*Verification* asks whether the equations are solved right: against mathematics. *Validation* asks whether
+other programs and published figures say the same. This page is made from the tests: the first table is
+measured by the build, the rest are the tests' own words and tolerances. `scripts/test` runs them.
 
 ## Beside other programs
 
-Every stage of every case is solved and compared with what another program found. Positions are relative to the
-structure's size, tensions to the largest tension, the eigenvalue to itself.
+Every stage of every case is solved and compared with what another program found. Positions are relative to
+the structure's size, tensions to the largest tension, the eigenvalue to itself.
 
 | case | the other program | stages | positions | tensions | lowest eigenvalue |
 | --- | --- | ---: | ---: | ---: | ---: |
@@ -79,7 +80,7 @@ def _told(path: Path) -> str:
 
 def _tolerances(module: ast.Module) -> Iterator[tuple[str, str, str]]:
     """Yield the named numbers of a file that say in words why they are so."""
-    for one, following in zip(module.body, module.body[1:], strict=False):
+    for one, following in pairwise(module.body):
         if not (isinstance(one, ast.Assign) and isinstance(one.targets[0], ast.Name)):
             continue
         try:
