@@ -66,6 +66,7 @@ html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_copy_source = False
+html_show_search_summary = False  # from a file a browser may not fetch the pages for it
 html_theme_options = {
     "navigation_with_keys": False,
     "show_toc_level": 2,
