@@ -2,6 +2,7 @@
 
 import ast
 import json
+import re
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -58,7 +59,8 @@ def _compared(path: Path) -> str:
         moved = max(moved, np.abs(found.nodes - nodes).max() / size)
         pulled = max(pulled, np.abs(found.tensions - tensions).max() / np.abs(tensions).max())
         softest = max(softest, abs(found.lowest_eigenvalue / min(told["lowest_tangent_eigenvalues"]) - 1.0))
-    source = expected["source"].partition(";")[0].partition("(")[0].strip()
+    told_by = expected["source"].partition(";")[0].partition("(")[0].strip()
+    source = re.sub(r"\S+/(\S+)", r"`\1`", told_by)  # of a path its last name
     case = path.name.removesuffix(".structure.json")
     return f"| `{case}` | {source} | {len(solved.stages)} | {moved:.0e} | {pulled:.0e} | {softest:.0e} |"
 

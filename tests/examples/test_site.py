@@ -126,3 +126,13 @@ def test_the_tower_stands_as_the_tutorial_says():
     path = tg.solve_path(tower, {"pull": 0.05})
     assert path.status == "stable"
     assert np.all(path.final.tensions[4:] > 0)
+
+
+def test_every_public_name_stands_in_the_reference():
+    import tensegra as tg
+
+    listed = (DOCS / "reference" / "api.md").read_text(encoding="utf-8")
+    for name in set(tg.__all__) - {"library", "__version__"}:
+        assert re.search(rf"^   {name}$", listed, re.MULTILINE), name
+    for name in tg.library.__all__:
+        assert re.search(rf"^   structure\.library\.{name}$", listed, re.MULTILINE), name
