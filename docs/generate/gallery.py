@@ -31,10 +31,14 @@ SHOWN: Mapping[str, tuple[Callable[[], Structure], Mapping[str, float], str]] = 
     "d-bar": (
         library.d_bar,
         {},
-        "A rhombus of bars around two cables, with no support in its plane but three.",
+        "Two struts cross without touching; a clustered cable runs over a pulley at the top.",
     ),
-    "levy-dome": (library.levy_dome, {}, "A dome of cables and posts under tension, inside a stiff ring."),
-    "grid": (library.grid, {}, "A net of cables that cross at pulleys."),
+    "levy-dome": (
+        library.levy_dome,
+        {},
+        "A dome of cables and upright struts inside a held ring; its two hoops are clustered.",
+    ),
+    "grid": (library.grid, {}, "A net of cables on a saddle, prestressed and held along its border."),
     "hanging-chain": (
         library.hanging_chain,
         {},

@@ -136,3 +136,33 @@ def test_every_public_name_stands_in_the_reference():
         assert re.search(rf"^   {name}$", listed, re.MULTILINE), name
     for name in tg.library.__all__:
         assert re.search(rf"^   structure\.library\.{name}$", listed, re.MULTILINE), name
+
+
+def test_every_key_of_both_formats_stands_on_a_generated_page_with_an_example(monkeypatch, tmp_path):
+    import json
+
+    from tensegra.schemas import schema_text
+
+    monkeypatch.syspath_prepend(DOCS)
+    from generate import formats
+
+    pages = formats.pages(tmp_path)
+    rows = [
+        line for text in pages.values() for line in text.splitlines() if line.startswith(("| `", "| **`"))
+    ]
+    shown = {}
+    for row in rows:
+        cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", row)[1:-1]]
+        shown.setdefault(cells[0].strip("*`"), []).append(cells)
+    for name in ("structure", "study"):
+        schema = json.loads(schema_text(name))
+        for part in (schema, *schema["$defs"].values()):
+            full = part if "properties" in part else next(iter(part.get("anyOf", ())), {})
+            for key, entry in full.get("properties", {}).items():
+                told = [
+                    cells
+                    for cells in shown[key]
+                    if entry.get("description", "").split(".")[0][:20] in cells[3]
+                ]
+                assert told, key
+                assert all(cells[1] and cells[4] for cells in told), key
