@@ -1,14 +1,13 @@
 """Foreign files: opened only where they are files of a size, written as a whole or not at all."""
 
 import importlib
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager
 from pathlib import Path
 from stat import S_ISREG
 from typing import Any
 
 from tensegra.errors import ModelError
+from tensegra.files import drafting
 
 __all__ = ["LARGEST_FILE", "MOST_NUMBERS", "library", "replacing", "require_file"]
 
@@ -41,8 +40,7 @@ def require_file(path: Path) -> Path:
     return path
 
 
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path) -> AbstractContextManager[Path]:
     """Give the name of a draft beside `path`, which takes the place of `path` once it is whole.
 
     Raises
@@ -50,17 +48,7 @@ def replacing(path: Path) -> Iterator[Path]:
     ModelError
         The file cannot be written.
     """
-    draft = path.with_name(f".{path.stem[:80]}.{os.getpid()}.draft{path.suffix}")
-    try:
-        if path.is_dir():
-            raise ModelError(f"{path}: this is a folder, expected the name of a file")
-        yield draft
-        draft.replace(path)
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()})") from None
-    finally:
-        with suppress(OSError):
-            draft.unlink()
+    return drafting(path, ModelError)
 
 
 def library(name: str, format: str) -> Any:  # noqa: A002, ANN401 — a module of another project
