@@ -185,12 +185,12 @@ def export(
     """Write a structure, where it comes to rest, or the runs of a campaign for another program."""
     from tensegra.mechanics import solve_path
     from tensegra.report.export import save, save_figure
-    from tensegra.report.references import parse_settings, structure_from
+    from tensegra.report.references import parse_settings, parse_temperatures, structure_from
     from tensegra.study import open_campaign
 
-    settings = (parse_settings(actuation or [], "-a"), parse_settings(temperature or [], "-t"))
+    inputs = (*(actuation or []), *(temperature or []))
     if Path(source).is_dir():
-        if drawing or any(settings):
+        if drawing or inputs:
             raise TensegraError(
                 f"{source}: a campaign is solved already; -a, -t and --drawing are for a structure"
             )
@@ -205,12 +205,14 @@ def export(
         raise TensegraError(f"{source}: --figure is for a campaign; a structure's figure needs no number")
     structure = structure_from(source)
     if drawing:
-        if any(settings):
+        if inputs:
             raise TensegraError(f"{source}: a drawing is not solved; leave out -a and -t, or --drawing")
         save(structure, output, format)
         _tell(output, "drawn", as_json=as_json)
         return
-    path = solve_path(structure, *settings)
+    path = solve_path(
+        structure, parse_settings(actuation or [], "-a"), parse_temperatures(temperature or [], structure)
+    )
     save(path, output, format)
     _tell(output, str(path.status), path.reason, as_json=as_json)
     raise typer.Exit(DONE if path.final.succeeded else NUMERICAL_FAILURE)

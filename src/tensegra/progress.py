@@ -72,7 +72,7 @@ def _bars() -> "Iterator[Listener]":
 
         def listener(task: str, done: int, total: int, note: str = "") -> None:
             if task not in tasks:
-                tasks[task] = bars.add_task(escape(task), total=None)
+                tasks[task] = bars.add_task(escape(task), total=None, note="")
             pace = paces.setdefault(task, _Pace()).tell(done, total, time.monotonic())
             told = ", ".join(filter(None, (note, pace)))
             bars.update(tasks[task], completed=done, total=total or None, note=escape(told))

@@ -323,3 +323,14 @@ def test_a_missing_library_is_named_with_its_extra(tensegra, folder, monkeypatch
     assert f"needs the library '{module}', which is not installed" in said
     assert "pip install tensegra[exchange]" in said
     assert names(folder) == ["a.xml"]
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_temperature_may_carry_its_unit_as_for_solve(tensegra):
+    for name, value in (("plain", "top=50"), ("quantity", "top=90 degF"), ("cold", "top=0")):
+        code, _, err = tensegra("export", "library:paper_beam", "-t", value, "-o", f"{name}.csv")
+        assert code == 0, err
+    plain, quantity, cold = (Path(f"{name}_nodes.csv").read_text() for name in ("plain", "quantity", "cold"))
+    assert plain == quantity != cold
+    message = refused(tensegra, "export", "library:paper_beam", "-t", "top=1e6", "-o", "hot.csv")
+    assert "solid" in message

@@ -1,4 +1,4 @@
-from tensegra.progress import SECONDS_BETWEEN_LINES, _lines
+from tensegra.progress import SECONDS_BETWEEN_LINES, _bars, _lines
 
 
 def told(calls):
@@ -42,3 +42,16 @@ def test_few_parts_have_no_pace():
 
 def test_a_task_of_unknown_length_is_counted():
     assert told([(0.0, "search", 7, 0, "")]) == ["search: 7\n"]
+
+
+def test_a_terminal_shows_bars_from_the_first_call_on(monkeypatch, capsys):
+    monkeypatch.setenv("FORCE_COLOR", "1")  # lets what is no terminal be taken for one
+    monkeypatch.setenv("COLUMNS", "120")
+    with _bars() as listener:
+        listener("kernels", 0, 1, "compiled once")
+        listener("runs", 0, 9)
+        listener("runs", 9, 9, "[1] failed")
+    shown = capsys.readouterr().err
+    assert "compiled once" in shown
+    assert "9/9" in shown
+    assert "[1] failed" in shown

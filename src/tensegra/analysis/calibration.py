@@ -2,7 +2,7 @@
 
 With measured values y of standard deviations σ, and a model f, the posterior of the parameters θ is
 
-    p(θ | y) ∝ p(θ) · exp(−½ Σ ((f(θ) − y)/s)²),   s² = σ² + the surrogate's own variance,
+    p(θ | y) ∝ p(θ) · exp(−½ Σ ((f(θ) − y)/s)²),   s² = σ² + the surrogate's own variance,   (A1)
 
 taken at the mode. It is drawn from by populations of particles (`tensegra.analysis.tempering`) in the normal
 space of the prior (`tensegra.analysis.priors`), with the model's exact derivatives. They start about the

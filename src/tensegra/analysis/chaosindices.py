@@ -1,8 +1,8 @@
 """Sobol' indices in closed form, from the coefficients of a chaos expansion.
 
 The polynomials are orthonormal under the inputs' laws, so the squares of the coefficients are shares of the
-variance (Sudret 2008, doi:10.1016/j.ress.2007.04.002): no sampling, no sampling error. What remains is the
-error of the expansion. Its coefficients are least-squares estimates with the covariance s² (RᵀR)⁻¹, R the
+variance, (I3) (Sudret 2008, doi:10.1016/j.ress.2007.04.002): no sampling, no sampling error. What remains is
+the error of the expansion. Its coefficients are least-squares estimates with the covariance s² (RᵀR)⁻¹, R the
 triangular factor of the regression and s its calibrated residual; the intervals follow from draws of them.
 They hold what scatters in the fit, not what every polynomial of this degree would miss.
 

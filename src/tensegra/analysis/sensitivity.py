@@ -7,8 +7,9 @@ dropped, and the share dropped is reported with the result, because indices of t
 indices of a different question when the share is large.
 
 First order: Saltelli et al. 2010, doi:10.1016/j.cpc.2009.09.018, Table 2 (b); total: Jansen's, Table 2 (f);
-second order: Saltelli 2002, doi:10.1016/S0010-4655(02)00280-1. Intervals: the normal bootstrap over blocks,
-all resamples in one matrix product (`tensegra.analysis.bootstrap`).
+second order: Saltelli 2002, doi:10.1016/S0010-4655(02)00280-1. They are (I2) of the theory.
+Intervals: the normal bootstrap over blocks, all resamples in one matrix product
+(`tensegra.analysis.bootstrap`).
 Base points are a scrambled Sobol sequence, more even than the independent points the bootstrap takes them
 for, so the intervals are on the wide side.
 """

@@ -1,7 +1,7 @@
 """Arc length along a branch of equilibria: points and steps where λ is an unknown too.
 
 Where a stable branch has ended the path parameter may turn back, or stand still while the structure moves:
-each step prescribes the distance along the branch instead (Riks 1979, Crisfield 1981), measured in the
+each step prescribes the distance along the branch instead, (P6) (Riks 1979, Crisfield 1981), measured in the
 positions relative to the structure's size and in λ.
 """
 

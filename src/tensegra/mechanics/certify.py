@@ -2,8 +2,8 @@
 
 The lowest eigenvalue comes of inverse iterations of three vectors, which begin near the modes of a run that
 is like them and have a random part, so that no mode is missed for reasons of symmetry. That nothing lies
-below it is then proved by the inertia of K shifted to just below it (Sylvester's law). Rigid motions that
-nothing holds are taken out of every vector, and out of the shift.
+below it is then proved by the inertia of K shifted to just below it (Sylvester's law), (P7). Rigid motions
+that nothing holds are taken out of every vector, and out of the shift.
 """
 
 from typing import NamedTuple

@@ -1,7 +1,7 @@
 """Exact derivatives of an equilibrium by whatever acts on it.
 
-An equilibrium solves r(x, θ) = f − p = 0, so dx/dθ = −K⁻¹ ∂r/∂θ with the tangent stiffness K that
-the solver has at hand. Forward mode costs one solve a parameter, adjoint mode one solve an output.
+An equilibrium solves r(x, θ) = f − p = 0, so dx/dθ = −K⁻¹ ∂r/∂θ, (D1), with the tangent stiffness K that
+the solver has at hand. Forward mode costs one solve a parameter, adjoint mode (D3) one solve an output.
 The derivative is that of the branch: it ends where the branch ends, and where a cable is just going
 slack it holds on one side.
 """

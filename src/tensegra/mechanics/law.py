@@ -2,7 +2,8 @@
 
 Every function is plain arithmetic, so it serves for floats, for arrays and, compiled, for packs of lanes.
 Each speaks of a member that carries force; whether one does (`carries`) is a state of its own, which the
-solver keeps. The linear law is T = EA (ℓ − l₀)/l₀; a cable carries max(0, T).
+solver keeps. The linear law is T = EA (ℓ − l₀)/l₀, a cable carries max(0, T): (M2) of the theory, its
+derivatives (D2).
 
 Compiled code calls the functions as they stand; Python calls them through `plain`, without compiling.
 

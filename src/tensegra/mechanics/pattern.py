@@ -4,7 +4,7 @@ Every node that can move is one 3 × 3 block. A member of one segment couples it
 clustered cable couples all nodes of its path through (EA/l₀) b bᵀ. A short path takes these blocks
 into the pattern; a long one would fill it with m × m blocks and gets unknowns of its own instead: how
 far the cable has run over each pulley. With these transports q each of its m segments is a member of
-stiffness m EA/l₀ that stretches by n·(u₂ − u₁) + q₁ − q₂, and couples its neighbours alone. To eliminate
+stiffness m EA/l₀ that stretches by n·(u₂ − u₁) + q₁ − q₂ (M8), and couples its neighbours alone. To eliminate
 the q, which is always possible (their block is tridiagonal and definite), gives (EA/l₀) b bᵀ exactly, and
 leaves the inertia of K as it is; three of them share a block.
 """

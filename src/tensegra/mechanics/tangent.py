@@ -1,4 +1,4 @@
-"""The tangent stiffness of one equilibrium: measure, factorise, solve, look at the spectrum.
+"""The tangent stiffness (M6) of one equilibrium: measure, factorise, solve, look at the spectrum.
 
 `Tangent` drives the kernels for a single run and hides the elimination order, the transports of long
 clustered cables and the coordinates that are held for neutral rigid motions: vectors go in and come out as

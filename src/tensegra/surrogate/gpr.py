@@ -1,9 +1,9 @@
 """Gaussian process regression: a radial basis function with one length scale per input, one per output.
 
-The kernel is k(x, x') = exp(−½ Σ ((x_i − x'_i)/ℓ_i)²), as in Eq. (6) of the source paper. Runs of a mechanics
-solver are exact to some twelve digits, so the accuracy is lost in the algebra, not in the data: the length
-scales are found on a subset, where the likelihood is cheap and its Cholesky factor not yet singular, and the
-process is conditioned on all runs with the smallest nugget that lets the factorisation pass.
+The kernel is k(x, x') = exp(−½ Σ ((x_i − x'_i)/ℓ_i)²), (S1), as in Eq. (6) of the source paper. Runs of a
+mechanics solver are exact to some twelve digits, so the accuracy is lost in the algebra, not in the data: the
+length scales are found on a subset, where the likelihood is cheap and its Cholesky factor not yet singular,
+and the process is conditioned on all runs with the smallest nugget that lets the factorisation pass.
 """
 
 from collections.abc import Callable, Mapping
