@@ -1,0 +1,1 @@
+"""The studio: a structure under one's hand, on a page."""
