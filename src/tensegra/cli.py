@@ -282,4 +282,35 @@ def report(
     show_report(written, as_json=as_json)
 
 
+@app.command()
+def studio(
+    shown: Annotated[
+        str,
+        typer.Argument(
+            metavar="STRUCTURE|CAMPAIGN",
+            help="A structure file, library:NAME, or the folder of a campaign.",
+        ),
+    ],
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Of the page; any free one for 0.")
+    ] = 0,
+    host: Annotated[
+        str, typer.Option("--host", help="Another address than this machine's own needs a token.")
+    ] = "127.0.0.1",
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address alone.")] = False,
+) -> None:
+    """Open a page on which a structure is moved by hand, each move solved and certified."""
+    import webbrowser
+
+    from tensegra.studio import open_source, serve
+
+    def opened(address: str) -> None:
+        typer.echo(address)
+        sys.stdout.flush()
+        if not no_browser:
+            webbrowser.open(address)
+
+    serve(open_source(shown), host=host, port=port, opened=opened)
+
+
 add_commands(app)

@@ -53,8 +53,8 @@ export class Scene {
     return pulleys;
   }
 
-  // The state at a frame, between two where it is no whole number; a mode is added to it.
-  state(frame, mode = null, amplitude = 0) {
+  // The state at a frame, between two where it is no whole number.
+  state(frame) {
     const first = Math.min(Math.floor(frame), this.nFrames - 1);
     const second = Math.min(first + 1, this.nFrames - 1);
     const share = frame - first;
@@ -65,11 +65,9 @@ export class Scene {
       const end = values.subarray(second * n, (second + 1) * n);
       return start.map((value, i) => value + share * (end[i] - value));
     };
-    let positions = between(this.positions, 3 * this.nodes.length);
-    if (mode) positions = positions.map((value, i) => value + amplitude * mode.shape[i]);
     return new State(
       this,
-      positions,
+      between(this.positions, 3 * this.nodes.length),
       between(this.tensions, this.members.length),
       between(this.forces, 3 * this.nodes.length),
     );

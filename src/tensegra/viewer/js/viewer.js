@@ -84,10 +84,11 @@ export class Viewer extends EventTarget {
   }
 
   get state() {
-    if (this.live && this.modeIndex < 0) return this.live;
     const mode = this.scene.modes[this.modeIndex] || null;
-    const swing = mode ? SWING * this.camera.size * Math.sin((2 * Math.PI * this.clock) / PERIOD) : 0;
-    return this.scene.state(this.frame, mode, swing);
+    const state = this.live || this.scene.state(this.frame);
+    if (!mode) return state;
+    const swing = SWING * this.camera.size * Math.sin((2 * Math.PI * this.clock) / PERIOD);
+    return new State(this.scene, state.positions.map((x, i) => x + swing * mode.shape[i]), state.tensions, state.forces);
   }
 
   resize() {
