@@ -179,7 +179,7 @@ class Page:
         )
 
     def _file(self, message: Json) -> bytes:
-        """Return the structure as a file: as it is given, or with a stage that takes it to where it stands."""
+        """Return the structure's file: as it is given, or with a stage that takes it to where it stands."""
         standing = bool(message.get("standing"))
         structure = export.standing_structure(self._standing()) if standing else self.structure
         return packed({"type": "file", "standing": standing, "text": export.structure_text(structure)})

@@ -4,11 +4,9 @@ let viewer = null;
 let units = null;
 let latest = null;
 let snapped = null;
-let waiting = false;
 
 const talk = new Talk((message) => (ANSWERS[message.type] || (() => {}))(message));
 const inputs = new Inputs(byId("knobs"), (values, gesture) => {
-  waiting = true;
   talk.say({ type: "move", values, gesture });
 });
 const campaign = new Campaign(byId("campaign"), talk);
@@ -36,7 +34,6 @@ const ANSWERS = {
     document.body.dataset.ready = "yes";
   },
   state(message) {
-    waiting = false;
     latest = message;
     viewer.show(message.positions, message.tensions, message.forces, snapped && snapped.before ? snapped.before : true);
     if (message.before) tellSnap(message);
@@ -70,6 +67,9 @@ const ANSWERS = {
     if (message.to === "move" && inputs.values) inputs.reflect(inputs.values, false);
   },
 };
+
+// What is shown, to be looked at from the browser's console and by tests.
+window.tensegra = { get viewer() { return viewer; }, get values() { return inputs.values; } };
 
 function apply(state) {
   showState(state, units);
