@@ -27,6 +27,13 @@ surrogates: {gpr: {kind: gpr}}
 """
 
 
+NODE_18 = """() => {
+  const { camera, state } = window.tensegra.viewer;
+  return camera.project([...state.positions.slice(51, 54)]);
+}"""
+"""Where a node stands in the picture."""
+
+
 def number(text):
     return float(re.match(r"[−\d.e]+", text).group().replace("−", "-"))
 
@@ -155,9 +162,7 @@ def test_keys_and_pointer_turn_and_pick(studio, beam_studio):
     assert "tension" in told
     canvas.press("Escape")
     # A click at a node's place in the picture finds the node.
-    x, y, _ = page.evaluate(
-        "() => (({ camera, state }) => camera.project([...state.positions.slice(51, 54)]))(window.tensegra.viewer)"
-    )
+    x, y, _ = page.evaluate(NODE_18)
     box = canvas.bounding_box()
     page.mouse.click(box["x"] + x, box["y"] + y)
     page.wait_for_function("() => document.querySelector('.tv-told').textContent.startsWith('node ')")

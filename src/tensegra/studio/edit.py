@@ -68,6 +68,8 @@ def add_member(
     _known(structure.members, like, "a member")
     for node in nodes:
         _known(structure.nodes, node, "a node")
+    if not strain > -1.0:
+        raise ModelError.at("prestrain", strain, "a number above -1")
     rest_length = path_length(structure.nodes, nodes) / (1.0 + strain)
     made = _like(structure.members[like], kind, rest_length, nodes)
     return structure.replace(members={**structure.members, member: made})

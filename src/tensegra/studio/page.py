@@ -64,14 +64,15 @@ class Page:
         Parameters
         ----------
         message
-            A mapping with ``type``, and what that asks for; ``n`` comes back with the answer.
+            A mapping with ``type``, and what that asks for.
         """
-        if not isinstance(message, dict) or message.get("type") not in self._answers:
+        asked = message.get("type") if isinstance(message, dict) else None
+        if not isinstance(message, dict) or not isinstance(asked, str) or asked not in self._answers:
             return packed({"type": "fault", "text": "the page said something that means nothing here"})
         try:
-            return self._answers[message["type"]](message)
+            return self._answers[asked](message)
         except TensegraError as error:
-            return packed({"type": "fault", "text": str(error), "to": message["type"], "n": message.get("n")})
+            return packed({"type": "fault", "text": str(error), "to": asked})
 
     def _settle(self) -> None:
         """Put the structure on the desk, if it stands."""
@@ -125,16 +126,16 @@ class Page:
 
     def _move(self, message: Json) -> bytes:
         desk = self._standing()
-        return self._state(desk.move(message.get("values"), message.get("gesture")), message.get("n"))
+        return self._state(desk.move(message.get("values"), message.get("gesture")))
 
-    def _state(self, answer: Answer, n: object = None) -> bytes:
+    def _state(self, answer: Answer) -> bytes:
         """Return where the structure stands, as numbers and as arrays."""
         desk = self._standing()
         shown = desk.found
         arrays = {"positions": shown.nodes, "tensions": shown.tensions, "forces": shown.forces}
         if answer.before is not None:
             arrays["before"] = answer.before
-        return packed({"type": "state", "n": n, "state": self._told(desk, answer)}, arrays)
+        return packed({"type": "state", "state": self._told(desk, answer)}, arrays)
 
     def _told(self, desk: Desk, answer: Answer) -> Json:
         told = desk.told(answer)

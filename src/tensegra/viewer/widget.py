@@ -39,7 +39,7 @@ def _widget_class() -> Any:  # noqa: ANN401 - a class of an optional library
         session: Session | None = None
 
         @traitlets.observe("inputs")
-        def _move(self, _: object) -> None:
+        def move(self, _: object = None) -> None:
             """Move the structure on from where it stands; where it cannot, it stays and says why."""
             if self.session is None:
                 return
@@ -86,10 +86,11 @@ def view(shown: object, inputs: Mapping[str, float] | None = None, *, height: in
     elif isinstance(shown, EquilibriumPath) and shown.structure.actuators and shown.final.succeeded:
         session = _standing_at(shown)
         start = {name: float(value) for name, value in shown.given.run.actuation.items()}
-    widget = made(scene=content, frame=len(content["labels"]) - 1, height=height)
-    if session is not None:
-        widget.session = session
-        widget.inputs = dict.fromkeys(session.structure.actuators, 0.0) | start
+    values = {} if session is None else dict.fromkeys(session.structure.actuators, 0.0) | start
+    widget = made(scene=content, frame=len(content["labels"]) - 1, height=height, inputs=values)
+    widget.session = session  # from now on a change of the inputs moves it
+    if isinstance(shown, Structure) and start:
+        widget.move()
     return widget
 
 

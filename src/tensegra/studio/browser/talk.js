@@ -3,7 +3,6 @@
 class Talk {
   constructor(hear) {
     this.hear = hear;
-    this.sent = 0;
     const address = new URL(`talk${location.search}`, location.href.replace(/^http/, "ws"));
     this.socket = new WebSocket(address);
     this.socket.binaryType = "arraybuffer";
@@ -14,8 +13,7 @@ class Talk {
 
   say(message) {
     if (this.socket.readyState !== WebSocket.OPEN) return;
-    this.sent += 1;
-    this.socket.send(JSON.stringify({ ...message, n: this.sent }));
+    this.socket.send(JSON.stringify(message));
   }
 }
 
