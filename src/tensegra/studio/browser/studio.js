@@ -69,7 +69,11 @@ const ANSWERS = {
 };
 
 // What is shown, to be looked at from the browser's console and by tests.
-window.tensegra = { get viewer() { return viewer; }, get values() { return inputs.values; } };
+window.tensegra = {
+  get viewer() { return viewer; },
+  get values() { return inputs.values; },
+  get state() { return latest && latest.state; },
+};
 
 function apply(state) {
   showState(state, units);

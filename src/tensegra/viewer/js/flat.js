@@ -29,12 +29,15 @@ export function find(x, y, parts, camera, reach = REACH) {
 
 // Names that find room, the wanted ones first: [text, x, y].
 export function namesOf(scene, state, look, camera) {
+  if (!look.nodeNames && !look.memberNames && look.node === null && look.selected === null) return [];
   const wanted = [];
   const point = (n) => Array.from(state.positions.subarray(3 * n, 3 * n + 3));
   const middles = new Map();
   for (let s = 0; s < scene.nSegments; s++) {
     const [n, m, e] = scene.segments.subarray(3 * s, 3 * s + 3);
-    if (!middles.has(e)) middles.set(e, point(n).map((value, k) => (value + point(m)[k]) / 2));
+    if (middles.has(e) || !(look.memberNames || e === look.selected)) continue;
+    const [p, q] = [point(n), point(m)];
+    middles.set(e, p.map((value, k) => (value + q[k]) / 2));
   }
   const nodeName = (n) => wanted.push([scene.nodes[n], ...camera.project(point(n)).slice(0, 2), n === look.node]);
   const memberName = (e) => wanted.push([scene.members[e], ...camera.project(middles.get(e)).slice(0, 2), e === look.selected]);

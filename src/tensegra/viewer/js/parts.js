@@ -10,8 +10,9 @@ export const TAPERED = 4;
 const ROD = { strut: [0.02, 2.1], cable: [0.006, 0.75], clustered: [0.013, 2] }; // radius: world, least pixels
 const FADED = 0.45;
 
+// `crowd` makes all that has a least width in pixels thinner, where a segment is only some pixels long.
 // A rod is {from, to, radius, pixels, colour, alpha, style, member}; a ball {at, radius, pixels, colour, ring, node}.
-export function partsOf(state, look, colours, range) {
+export function partsOf(state, look, colours, range, crowd = 1) {
   const { scene } = state;
   const rods = [];
   const balls = [];
@@ -45,6 +46,7 @@ export function partsOf(state, look, colours, range) {
   });
   if (look.supports) addSupports(rods, state, colours);
   if (look.forces) addForces(rods, state, colours);
+  if (crowd < 1) for (const part of [...rods, ...balls]) part.pixels *= crowd;
   return { rods, balls };
 }
 

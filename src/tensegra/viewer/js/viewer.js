@@ -9,6 +9,7 @@ import { Scene, State } from "./scene.js";
 
 const SWING = 0.12; // of the structure's size, the amplitude of a mode
 const PERIOD = 2400; // milliseconds of a swing
+const ROOMY = 30; // pixels of a segment that are enough for full widths
 const RUN = 4000; // milliseconds of a path from its beginning to its end
 
 export class Viewer extends EventTarget {
@@ -91,6 +92,11 @@ export class Viewer extends EventTarget {
     return new State(this.scene, state.positions.map((x, i) => x + swing * mode.shape[i]), state.tensions, state.forces);
   }
 
+  // Below one where segments are so short in the picture that their least widths would cover each other.
+  get crowd() {
+    return clamp(this.scene.unitLength / (this.camera.pixel * this.camera.distance) / ROOMY, 0.2, 1);
+  }
+
   resize() {
     const [width, height] = [this.element.clientWidth || 640, this.element.clientHeight || 400];
     const ratio = devicePixelRatio || 1;
@@ -163,7 +169,7 @@ export class Viewer extends EventTarget {
     const state = this.state;
     this.range ??= rangeOf(look.mode, scene, state);
     if (this.live && look.mode !== "kind") this.range = Math.max(this.range, rangeOf(look.mode, { nFrames: 0 }, state));
-    this.parts = partsOf(state, look, colours, this.range);
+    this.parts = partsOf(state, look, colours, this.range, this.crowd);
     const names = namesOf(scene, state, look, camera);
     if (this.painter) {
       this.painter.draw(camera, this.parts, colours);
@@ -217,7 +223,7 @@ export class Viewer extends EventTarget {
   get svg() {
     const names = namesOf(this.scene, this.state, this.look, this.camera);
     const foot = svgLegend(this.legend, this.kinds, this.camera, this.colours, digits);
-    const parts = partsOf(this.state, this.look, this.colours, this.range);
+    const parts = partsOf(this.state, this.look, this.colours, this.range, this.crowd);
     return svgOf(this.scene.name, parts, names, this.camera, this.colours, foot);
   }
 
