@@ -68,8 +68,9 @@ DRAG = """([key, low, high, n]) => new Promise((resolve) => {
 
 
 def main() -> None:
-    print("| structure | event → draw, median | 90 % | of it the solve | new states in 60 frames | frames a second |")
-    print("| --- | --- | --- | --- | --- | --- |")
+    columns = "structure", "event → draw, median", "90 %", "of it the solve", "new states in 60 frames"
+    print(f"| {' | '.join((*columns, 'frames a second'))} |")
+    print(f"|{' --- |' * 6}")
     with sync_playwright() as driver, tempfile.TemporaryDirectory() as folder:
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
         tower = Path(folder) / "tower.json"

@@ -247,6 +247,8 @@ def test_a_tower_is_edited_until_it_stands(studio, command_line, running, tmp_pa
         page.get_by_label("Member to remove").select_option("v0_0")
         page.get_by_role("button", name="Remove").click()
         wait_for_verdict(page, "✗")
+        assert "does not stand" in page.locator("#status").text_content()  # nothing is left of what stood
+        assert page.locator("#facts dd").count() == 0
         watched.picture("studio-edit")
         form = page.locator("#editing form", has_text="New member")
         form.get_by_label("Name").fill("again")

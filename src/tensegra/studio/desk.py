@@ -226,6 +226,8 @@ class Desk:
             "lowest_eigenvalue": _finite(found.lowest_eigenvalue),
             "residual": _finite(found.residual),
             "strain_energy": _finite(found.strain_energy),
+            "size": found.arrays.size,
+            "largest_force": float(np.nanmax(np.abs(tensions), initial=0.0)),
             "largest_tension": [names[most], float(tensions[most])],
             "slack": list(slack[:MOST_SLACK]),
             "n_slack": len(slack),

@@ -110,7 +110,7 @@ async def _talk(socket: Any, source: Source) -> None:  # noqa: ANN401 - a WebSoc
         async for text in socket.iter_text():
             try:
                 message = json.loads(text)
-            except ValueError:
+            except (ValueError, RecursionError):  # no JSON, or lists within lists without end
                 message = None
             if not isinstance(message, dict):
                 await socket.send_bytes(packed({"type": "fault", "text": "the page sent no message"}))
@@ -163,9 +163,9 @@ def application(source: Source, token: str = "", hosts: Callable[[str], bool] = 
         if refused(socket) or origin != socket.headers.get("host") or pages >= MOST_PAGES:
             await socket.close(1008)
             return
-        await socket.accept()
         pages += 1
         try:
+            await socket.accept()
             await _talk(socket, source)
         finally:
             pages -= 1
@@ -214,8 +214,9 @@ def serve(source: Source, *, host: str = "127.0.0.1", port: int = 0, opened: Cal
         Where the libraries of the extra ``studio`` are not installed, or the port is not to be had.
     """
     try:
+        import starlette  # noqa: F401 - needed by `application`
         import uvicorn
-        import websockets  # noqa: F401 - uvicorn's own, needed for the pages' sockets
+        import websockets  # noqa: F401 - needed by uvicorn for the pages' sockets
     except ImportError as error:
         raise TensegraError(
             f"the studio needs {error.name}, which is not installed: pip install tensegra[studio]"

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegra.errors import ModelError, TensegraError
+from tensegra.errors import ModelError, SolverError, TensegraError
 from tensegra.mechanics import EquilibriumPath, Session
 from tensegra.structure import Structure
 from tensegra.viewer.scene import equilibrium_scene, scene
@@ -81,13 +81,18 @@ def view(shown: object, inputs: Mapping[str, float] | None = None, *, height: in
     made = _widget_class()
     content = scene(shown)
     session, start = None, dict(inputs or {})
+    fault = ""
     if isinstance(shown, Structure) and shown.actuators:
-        session = Session(shown)
+        try:
+            session = Session(shown)
+        except SolverError as error:  # what does not stand is shown as it is drawn
+            fault = f"It cannot be moved: {error}"
     elif isinstance(shown, EquilibriumPath) and shown.structure.actuators and shown.final.succeeded:
         session = _standing_at(shown)
         start = {name: float(value) for name, value in shown.given.run.actuation.items()}
     values = {} if session is None else dict.fromkeys(session.structure.actuators, 0.0) | start
     widget = made(scene=content, frame=len(content["labels"]) - 1, height=height, inputs=values)
+    widget.told = fault
     widget.session = session  # from now on a change of the inputs moves it
     if isinstance(shown, Structure) and start:
         widget.move()

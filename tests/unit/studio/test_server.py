@@ -97,7 +97,14 @@ def test_a_token_is_asked_for_at_the_page_and_at_its_socket():
 
 
 def test_whatever_a_page_says_is_answered_and_the_next_page_goes_on():
-    nonsense = ["", "[]", "null", "{", '{"type": []}', '{"type": "open", "x": ' + "[" * 500 + "]" * 500 + "}"]
+    nonsense = [
+        "",
+        "[]",
+        "null",
+        "{",
+        '{"type": []}',
+        '{"type": "open", "x": ' + "[" * 100_000 + "]" * 100_000 + "}",
+    ]
     wrong = {"values": 1, "nodes": 2, "search": 3, "free": 4, "change": 5}
     kinds = ("move", "undo", "watch", "load", "spread", "optimise", "edit", "unedit", "nothing")
     nonsense += [json.dumps({"type": kind, **wrong}) for kind in kinds]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tensegra.mechanics import solve_batch, solve_path
-from tensegra.structure import library
+from tensegra.structure import Actuator, library
 
 pytest.importorskip("anywidget")
 
@@ -36,6 +36,16 @@ def test_a_path_s_view_goes_on_from_its_end():
     assert view.inputs["A14"] == 0.05
     np.testing.assert_allclose(view.session.equilibrium.nodes, path.final.nodes, atol=1e-6)
     assert view.frame == len(path.history) - 1
+
+
+def test_what_does_not_stand_is_shown_and_said():
+    tower = library.tower(n_stages=1, n_struts=4)
+    fallen = tower.replace(
+        members={name: m for name, m in tower.members.items() if name != "v0_0"}, actuators={}
+    )
+    assert fallen.view().session is None
+    fallen = fallen.replace(actuators={"v": Actuator(("v0_1",), "shorten")})
+    assert "cannot be moved" in fallen.view().told
 
 
 def test_runs_are_frames():

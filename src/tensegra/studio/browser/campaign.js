@@ -123,7 +123,7 @@ class Campaign {
 
   found(optimum, jump) {
     const unit = this.opened.outputs[this.output.value];
-    const text = `${optimum.reason}. Predicted ${digits(optimum.objective, 6)} ${unit}, true ${optimum.true_objective === null ? "–" : digits(optimum.true_objective, 6)} ${unit} (${optimum.true_status}); ${optimum.evaluations} evaluations in ${optimum.seconds.toFixed(1)} s.`;
+    const text = `${optimum.reason}. Predicted ${digits(optimum.objective, 6)} ${unit}, true ${optimum.true_objective === null ? "–" : digits(optimum.true_objective, 6)} ${unit} (${optimum.true_status}); ${optimum.evaluations} evaluations in ${digits(optimum.seconds, 2)} s.`;
     this.optimum.replaceChildren(
       make("p", { textContent: text }),
       button("Go there", "Move the structure to the optimum", () => jump(optimum.inputs)),

@@ -9,11 +9,13 @@ class Inputs {
     form.addEventListener("submit", (event) => event.preventDefault());
   }
 
-  show(knobs) {
+  show(knobs, stands) {
     this.form.replaceChildren();
     this.knobs.clear();
     knobs.forEach((knob) => this.add(knob));
-    if (!knobs.length) this.form.append(make("p", { textContent: "Nothing of this structure is actuated, heated or loaded. Add a load, or edit it." }));
+    const nothing = "Nothing of this structure is actuated, heated or loaded. Add a load, or edit it.";
+    if (!stands) this.form.append(make("p", { textContent: "It cannot be moved before it stands." }));
+    else if (!knobs.length) this.form.append(make("p", { textContent: nothing }));
   }
 
   add(knob) {

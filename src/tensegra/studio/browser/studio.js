@@ -7,6 +7,7 @@ let snapped = null;
 
 const talk = new Talk((message) => (ANSWERS[message.type] || (() => {}))(message));
 const inputs = new Inputs(byId("knobs"), (values, gesture) => {
+  if (snapped && snapped.gesture !== gesture) forgetSnap();
   talk.say({ type: "move", values, gesture });
 });
 const campaign = new Campaign(byId("campaign"), talk);
@@ -23,13 +24,14 @@ const ANSWERS = {
       viewer = mount(byId("viewer"), message.scene);
       viewer.addEventListener("draw", () => { document.body.dataset.drawn = viewer.drawn; });
     }
-    inputs.show(message.knobs);
+    inputs.show(message.knobs, Boolean(message.state));
     fillWatch(message);
     campaign.show(message);
     editing.show(message, viewer);
     tellFault(message.fault ? `It does not stand: ${message.fault}` : "");
-    byId("snap").hidden = true;
+    forgetSnap();
     if (message.state) apply(message.state);
+    else showFallen(message.fault);
     if (byId("editing").open) editing.ask();
     document.body.dataset.ready = "yes";
   },
@@ -82,12 +84,17 @@ function apply(state) {
   if (state.moved && byId("fault").textContent && !byId("fault").textContent.startsWith("The server")) tellFault("");
 }
 
-// A snap is shown as such: where it stood before stays as the ghost until it moves on.
+// A snap is shown as such: where it stood before stays as the ghost until the next gesture.
 function tellSnap(message) {
-  snapped = { before: message.before, after: message };
+  snapped = { before: message.before, after: message, gesture: inputs.gesture };
   byId("snap-text").textContent = `It snapped: ${message.state.snaps.at(-1) || message.state.reason}`;
   byId("snap").hidden = false;
   viewer.show(message.positions, message.tensions, message.forces, message.before);
+}
+
+function forgetSnap() {
+  snapped = null;
+  byId("snap").hidden = true;
 }
 
 function fillWatch(message) {
@@ -144,8 +151,8 @@ function record() {
   byId("record").textContent = "Stop and save";
 }
 
-byId("undo").onclick = () => { snapped = null; byId("snap").hidden = true; talk.say({ type: "undo" }); };
-byId("reset").onclick = () => { snapped = null; byId("snap").hidden = true; talk.say({ type: "reset" }); };
+byId("undo").onclick = () => { forgetSnap(); talk.say({ type: "undo" }); };
+byId("reset").onclick = () => { forgetSnap(); talk.say({ type: "reset" }); };
 byId("modes").onclick = () => talk.say({ type: "modes" });
 byId("export").onclick = () => talk.say({ type: "export" });
 byId("record").onclick = record;

@@ -22,6 +22,7 @@ void main() {
   tint = colour;
   gl_Position = projection * vec4(c + side * corner.x * reach * grain, 1.);
   if ((kind & 8) != 0) gl_Position.z += 2e-4 * gl_Position.w;
+  if ((kind & 2) != 0) gl_Position.z -= 2e-4 * gl_Position.w; // beside a classical one on the same way
 }`;
 
 const ROD_FRAGMENT = `#version 300 es
@@ -129,7 +130,7 @@ export class Painter {
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     // What is behind hides nothing; the rest goes from far to near, as half covered pixels need it.
     const { back } = camera.axes;
-    const depth = ({ from, to }) => dot(from, back) + dot(to, back);
+    const depth = ({ from, to, style }) => dot(from, back) + dot(to, back) + (style & 2 ? 1e-3 * camera.size : 0);
     const near = parts.rods.filter((rod) => !rod.behind).map((rod) => [depth(rod), rod]).sort((a, b) => a[0] - b[0]);
     const writeRod = (data, at, rod) => {
       data.set(rod.from, at + 2);

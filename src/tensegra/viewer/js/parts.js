@@ -63,7 +63,7 @@ function addGhost(rods, scene, positions, colours) {
 
 // A cone for each axis that is held, its tip at the node, along the axis.
 function addSupports(rods, state, colours) {
-  const size = 0.13 * state.scene.unitLength;
+  const size = 0.1 * state.scene.unitLength;
   for (const [n, axes] of state.scene.supports) {
     for (const axis of axes) {
       const tip = at(state.positions, n);
