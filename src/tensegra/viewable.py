@@ -1,4 +1,4 @@
-"""What can be viewed in space: the method is here, on the ground floor; what it does is registered from above."""
+"""What can be viewed in space: the method is here, on the ground floor; what does it is registered above."""
 
 from collections.abc import Callable
 from typing import Any
