@@ -1,6 +1,6 @@
 """From a hand's move to the picture that shows it: the studio in Debian's Chromium, drawn by its software.
 
-    python benchmarks/studio.py
+    python -m benchmarks.studio
 
 For the beam and for a tower of 1,000 nodes: the time from an event at a slider to the draw of the state that
 it asked for, one event after the other; then a drag of 60 frames with an event in each, and how many of them

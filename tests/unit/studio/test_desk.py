@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tensegra.cli import main
 from tensegra.errors import ModelError
 from tensegra.mechanics import Status, solve_path
-from tensegra.structure import library, parse_structure
+from tensegra.structure import Stage, library, parse_structure
 from tensegra.structure.text import load_yaml
 from tensegra.studio import export
 from tensegra.studio.desk import Desk
@@ -112,14 +112,14 @@ def test_a_load_is_offered_once_and_only_at_a_node(desk):
 
 
 def test_the_load_factor_scales_the_loads_of_the_stages():
-    structure = library.hanging_chain()
-    loaded = {node for stage in structure.stages for node in stage.loads}
-    desk = desk_of(structure)
-    if not loaded:
-        assert "load_factor" not in desk.knobs
-        return
+    pressed = Stage("pressed", loads={"apex": (0.0, 0.0, -1000.0)})
+    desk = desk_of(library.von_mises_truss().replace(stages=(pressed,)))
     desk.move({"load_factor": 2.0})
-    np.testing.assert_allclose(desk.session.standing.inputs.loads, 2.0 * desk.session.base.loads)
+    twice = Stage("pressed", loads={"apex": (0.0, 0.0, -2000.0)})
+    expected = solve_path(library.von_mises_truss().replace(stages=(twice,))).final
+    assert_same(desk.found.nodes, expected.nodes)
+    desk.move({"load_factor": 0.0})
+    assert_same(desk.found.nodes, library.von_mises_truss().coordinates)
 
 
 def test_variables_that_alter_the_structure_solve_it_anew():
