@@ -1,5 +1,7 @@
 """Viewers in a page that is one file: turned and played without a server, still where scripts are off."""
 
+from importlib.resources import files
+
 import pytest
 
 from tensegra.mechanics import solve_path
@@ -14,10 +16,12 @@ def page_file(tmp_path_factory):
     beam = library.paper_beam()
     path = solve_path(beam, {"A14": 0.1, "A23": 0.1})
     still = '<img alt="still" src="data:image/svg+xml;utf8,<svg xmlns=\'http://www.w3.org/2000/svg\'/>">'
+    style = files("tensegra.report").joinpath("style.css").read_text("utf-8")
     body = panel(scene(path), "path", still) + panel(scene(beam), "given", still)
     file = tmp_path_factory.mktemp("report") / "report.html"
     file.write_text(
-        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>t</title>{viewer_head()}</head>'
+        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>t</title>'
+        f"<style>{style}</style>{viewer_head()}</head>"
         f"<body><main>{body}</main>{viewer_tail()}</body></html>",
         encoding="utf-8",
     )

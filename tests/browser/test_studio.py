@@ -35,6 +35,15 @@ NODE_18 = """() => {
 """Where a node stands in the picture."""
 
 
+@pytest.fixture(scope="module")
+def runs(command_line, tmp_path_factory):
+    """Return the folder of a small campaign with its surrogate."""
+    folder = tmp_path_factory.mktemp("campaign")
+    (folder / "study.yaml").write_text(STUDY)
+    command_line("run", str(folder / "study.yaml"), "-o", str(folder / "runs"))
+    return folder / "runs"
+
+
 def number(text):
     return float(re.match(r"[−\d.e]+", text).group().replace("−", "-"))
 
@@ -208,10 +217,21 @@ def test_the_state_is_saved_and_read_again(studio, beam_studio, tmp_path):
     assert again.final.nodes[tip] == pytest.approx(expected.final.nodes[tip], rel=1e-8)
 
 
-def test_a_campaign_predicts_and_is_searched(studio, command_line, running, tmp_path):
-    (tmp_path / "study.yaml").write_text(STUDY)
-    command_line("run", str(tmp_path / "study.yaml"), "-o", str(tmp_path / "runs"))
-    with running(str(tmp_path / "runs")) as address:
+def test_the_report_of_a_campaign_holds_viewers(opened, command_line, runs):
+    command_line("report", str(runs), "-o", str(runs / "report.html"))
+    watched = opened((runs / "report.html").as_uri())
+    page = watched.page
+    figure = page.locator("#figure-1")
+    figure.scroll_into_view_if_needed()
+    page.wait_for_function("document.querySelector('#figure-1 canvas') !== null")
+    assert not figure.locator("img").is_visible()
+    assert page.locator("#figure-3 img").is_visible()  # a plot stays a picture
+    assert serious(page) == []
+    assert watched.requests == [(runs / "report.html").as_uri()]
+
+
+def test_a_campaign_predicts_and_is_searched(studio, running, runs):
+    with running(str(runs)) as address:
         watched = studio(address)
         page = watched.page
         page.wait_for_selector("#campaign .bar")

@@ -18,6 +18,8 @@ class Editing {
     const field = (name, label, value, type = "number") => {
       const input = make("input", { name, type, value, size: 7, ...(type === "number" ? { step: "any" } : {}) });
       input.setAttribute("aria-label", label);
+      input.title = label;
+      if (type === "text") input.placeholder = name;
       input.style.width = "5.6rem";
       return input;
     };

@@ -5,7 +5,7 @@ for (const host of document.querySelectorAll("[data-tensegra-scene]")) {
     const content = JSON.parse(document.getElementById(host.dataset.tensegraScene).textContent);
     const box = document.createElement("div");
     host.prepend(box);
-    if (still) still.hidden = true;
+    if (still) still.style.display = "none"; // a page's own style may show what is hidden
     host.viewer = mount(box, content);
   };
   // A browser has few WebGL contexts: a viewer opens as it comes into sight.
