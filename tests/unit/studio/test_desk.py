@@ -122,7 +122,24 @@ def test_the_load_factor_scales_the_loads_of_the_stages():
     assert_same(desk.found.nodes, library.von_mises_truss().coordinates)
 
 
-def test_variables_that_alter_the_structure_solve_it_anew():
+@pytest.mark.parametrize(
+    ("entry", "value"),
+    [
+        ({"youngs_modulus": "steel", "distribution": {"uniform": [10000, 20000]}}, 12000.0),
+        ({"area": "classical", "distribution": {"uniform": [0.4, 0.6]}}, 0.45),
+        ({"rest_length": "c26", "distribution": {"uniform": [56.0, 57.0]}}, 56.3),
+        (
+            {
+                "prestress": {"stage": "prestress", "members": ["K1"]},
+                "distribution": {"uniform": [-0.03, -0.02]},
+            },
+            -0.022,
+        ),
+        ({"load": {"node": "18", "axis": "z"}, "distribution": {"uniform": [-1.0, 1.0]}}, -0.4),
+        ({"position": {"node": "1", "axis": "z"}, "distribution": {"uniform": [-1.0, 1.0]}}, 0.3),
+    ],
+)
+def test_every_kind_of_variable_does_what_the_study_does(entry, value):
     study = parse_study(
         {
             "schema": "tensegra/study/1",
@@ -131,16 +148,19 @@ def test_variables_that_alter_the_structure_solve_it_anew():
             "seed": 1,
             "variables": {
                 "A14": {"actuator": "A14", "distribution": {"uniform": [0.0, 0.1]}},
-                "E": {"youngs_modulus": "steel", "distribution": {"uniform": [10000, 20000]}},
+                "other": entry,
             },
             "outputs": {"w": {"displacement": "z", "nodes": [18]}},
             "design": {"sampler": "sobol", "sizes": 8},
         }
     )
     desk = Desk(study.structure, {knob.key: knob for knob in knobs_of_study(study.variables)})
-    desk.move({"A14": 0.07, "E": 12000.0})
-    row = study.evaluate(np.array([[0.07, 12000.0]]))
-    assert desk.displacement(["18"], "z") == pytest.approx(float(row.Y[0, 0]), rel=1e-8)
+    start = desk.displacement(["18"], "z")
+    desk.move({"A14": 0.07, "other": value})
+    row = study.evaluate(np.array([[0.07, value]]))
+    assert desk.displacement(["18"], "z") == pytest.approx(float(row.Y[0, 0]), rel=1e-7)
+    desk.undo()
+    assert desk.displacement(["18"], "z") == start
 
 
 def test_the_state_does_the_same_elsewhere(desk, capsys):
