@@ -146,6 +146,15 @@ def solve(
             help="Difference of temperature of a member or group, such as top=50.",
         ),
     ] = None,
+    load: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--load",
+            "-l",
+            metavar="NODE.AXIS=VALUE",
+            help="Force added on a node along an axis, such as 18.z=-0.5.",
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="Write every step of the path to a .parquet or .csv file."),
@@ -157,7 +166,7 @@ def solve(
 ) -> None:
     """Follow a structure through its stages and then along an actuation."""
     from tensegra.mechanics import solve_path
-    from tensegra.report.references import parse_settings, parse_temperatures, structure_from
+    from tensegra.report.references import parse_loads, parse_settings, parse_temperatures, structure_from
     from tensegra.report.tables import write_history
     from tensegra.terminal import show_path
 
@@ -166,6 +175,7 @@ def solve(
         asked,
         parse_settings(actuation or [], "-a"),
         parse_temperatures(temperature or [], asked),
+        loads=parse_loads(load or [], asked),
         settle_start=settle_start,
     )
     if output is not None:

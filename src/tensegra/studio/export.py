@@ -22,8 +22,8 @@ def as_command(desk: Desk, source: str) -> str:
     run = actuation_of(desk.session.structure, desk.knobs, desk.values)
     options = [f" -a {_quoted(f'{name}={value!r}')}" for name, value in run.actuation.items() if value]
     options += [f" -t {_quoted(f'{name}={value!r}')}" for name, value in run.temperature.items() if value]
-    rest = [f"load {n}.{a} = {v!r}" for (n, a), v in run.loads.items() if v]
-    rest += [f"position {n}.{a} = {v!r}" for (n, a), v in run.positions.items() if v]
+    options += [f" -l {_quoted(f'{n}.{a}={v!r}')}" for (n, a), v in run.loads.items() if v]
+    rest = [f"position {n}.{a} = {v!r}" for (n, a), v in run.positions.items() if v]
     rest += [f"{key} = {desk.values[key]!r}" for key in _altering(desk)]
     command = f"tensegra solve {_quoted(source)}{''.join(options)}"
     return f"{command}  # without {', '.join(rest)}: save the structure for that" if rest else command

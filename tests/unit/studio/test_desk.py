@@ -164,7 +164,8 @@ def test_every_kind_of_variable_does_what_the_study_does(entry, value):
 
 
 def test_the_state_does_the_same_elsewhere(desk, capsys):
-    desk.move({"actuator:A14": 0.06, "temperature:top": -20.0})
+    desk.add_load("18", "z")
+    desk.move({"actuator:A14": 0.06, "temperature:top": -20.0, "load:18.z": -0.4})
     expected = desk.found.nodes - desk.reference
     # Python
     names = {}
