@@ -13,7 +13,7 @@ from tensegra.units import QuantityError
 __all__ = [
     "LIBRARY",
     "is_study_file",
-    "parse_coordinates",
+    "parse_loads",
     "parse_settings",
     "parse_temperatures",
     "structure_from",
