@@ -68,7 +68,7 @@ const BALL_LAYOUT = { names: [["corner", 2], ["centre", 3], ["size", 2], ["colou
 
 export class Painter {
   constructor(canvas) {
-    const gl = canvas.getContext("webgl2", { antialias: false, preserveDrawingBuffer: true, alpha: false });
+    const gl = canvas.getContext("webgl2", { antialias: false, alpha: false });
     if (!gl) throw new Error("WebGL2 is not to be had");
     this.gl = gl;
     this.indices = gl.createBuffer();

@@ -176,10 +176,14 @@ export class Viewer extends EventTarget {
     } else {
       this.still.innerHTML = svgOf(scene.name, this.parts, [], camera, colours);
     }
-    const context = this.overlay.getContext("2d");
-    context.setTransform(1, 0, 0, 1, 0, 0);
-    context.clearRect(0, 0, this.overlay.width, this.overlay.height);
-    drawNames(context, names, colours, this.overlay.width / camera.width);
+    // A second canvas costs a frame's worth of composition where all is drawn by software.
+    this.overlay.hidden = names.length === 0;
+    if (names.length) {
+      const context = this.overlay.getContext("2d");
+      context.setTransform(1, 0, 0, 1, 0, 0);
+      context.clearRect(0, 0, this.overlay.width, this.overlay.height);
+      drawNames(context, names, colours, this.overlay.width / camera.width);
+    }
     this.drawn += 1;
     this.tell("draw");
   }
