@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 
 from tensegra.presented import present_by
 from tensegra.savable import register as _register
+from tensegra.viewable import register as _register_view
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from typing import Any
 
     from tensegra.analysis import (
@@ -250,3 +252,13 @@ def _save(what: "Any", path: "Any", format: str | None) -> None:  # noqa: A002, 
 
 
 _register(_save)
+
+
+def _viewer() -> "Callable[..., Any]":
+    """Bring what shows results in space."""
+    from tensegra.viewer.widget import view
+
+    return view
+
+
+_register_view(_viewer)

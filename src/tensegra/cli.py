@@ -146,6 +146,15 @@ def solve(
             help="Difference of temperature of a member or group, such as top=50.",
         ),
     ] = None,
+    load: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--load",
+            "-l",
+            metavar="NODE.AXIS=VALUE",
+            help="Force added on a node along an axis, such as 18.z=-0.5.",
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="Write every step of the path to a .parquet or .csv file."),
@@ -157,7 +166,7 @@ def solve(
 ) -> None:
     """Follow a structure through its stages and then along an actuation."""
     from tensegra.mechanics import solve_path
-    from tensegra.report.references import parse_settings, parse_temperatures, structure_from
+    from tensegra.report.references import parse_loads, parse_settings, parse_temperatures, structure_from
     from tensegra.report.tables import write_history
     from tensegra.terminal import show_path
 
@@ -166,6 +175,7 @@ def solve(
         asked,
         parse_settings(actuation or [], "-a"),
         parse_temperatures(temperature or [], asked),
+        loads=parse_loads(load or [], asked),
         settle_start=settle_start,
     )
     if output is not None:
@@ -280,6 +290,37 @@ def report(
     with progress() as listener:
         written = write_report(open_campaign(campaign), output, figures=figures, listener=listener)
     show_report(written, as_json=as_json)
+
+
+@app.command()
+def studio(
+    shown: Annotated[
+        str,
+        typer.Argument(
+            metavar="STRUCTURE|CAMPAIGN",
+            help="A structure file, library:NAME, or the folder of a campaign.",
+        ),
+    ],
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Of the page; any free one for 0.")
+    ] = 0,
+    host: Annotated[
+        str, typer.Option("--host", help="Another address than this machine's own needs a token.")
+    ] = "127.0.0.1",
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address alone.")] = False,
+) -> None:
+    """Open a page on which a structure is moved by hand, each move solved and certified."""
+    import webbrowser
+
+    from tensegra.studio import open_source, serve
+
+    def opened(address: str) -> None:
+        typer.echo(address)
+        sys.stdout.flush()
+        if not no_browser:
+            webbrowser.open(address)
+
+    serve(open_source(shown), host=host, port=port, opened=opened)
 
 
 add_commands(app)

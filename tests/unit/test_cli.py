@@ -6,6 +6,8 @@ import pandas as pd
 import pytest
 import yaml
 
+from tensegra.cli import main
+
 STRUCTURE = {
     "schema": "tensegra/structure/1",
     "units": {"length": "cm", "force": "kN"},
@@ -405,3 +407,11 @@ def test_an_unknown_option_is_exit_two(tensegra):
     code, _, err = tensegra("solve", "library:paper_beam", "--fast")
     assert code == 2
     assert "--fast" in err
+
+
+@pytest.mark.parametrize("wrong", ["18=-1", "18.w=-1", "=1", "18.z", "18.z=x", ".=1", "18.z=2 cm"])
+def test_a_load_without_a_node_and_an_axis_is_refused(capsys, wrong):
+    with pytest.raises(SystemExit) as left:
+        main(["solve", "library:paper_beam", "-l", wrong])
+    assert left.value.code == 2
+    assert "-l" in capsys.readouterr().err

@@ -198,7 +198,7 @@ def test_a_campaign_in_netcdf(tensegra, folder):
         (("import", "s.yaml", "-o", "s.yaml"), "another file than the one that is read"),
         (("export", "library:prism", "-o", "a.stl"), "to write: .mat"),
         (("export", "library:prism", "-o", "no/a.mat"), "cannot be written (no such file or directory)"),
-        (("export", "library:prism", "-o", "folder.mat"), "this is a folder"),
+        (("export", "library:prism", "-o", "folder.mat"), "it is a folder"),
         (("export", "library:prism", "--drawing", "-a", "top=0.1", "-o", "a.mat"), "leave out -a"),
         (("export", "library:prism", "--figure", "1", "-o", "a.svg"), "--figure is for a campaign"),
         (("export", "library:prism", "-a", "tip=0.1", "-o", "a.mat"), "did you mean 'top'"),

@@ -35,6 +35,7 @@ from tensegra.mechanics.variants import Variants, varied_arrays
 from tensegra.presented import Presented
 from tensegra.savable import Savable
 from tensegra.structure import Structure
+from tensegra.viewable import Viewable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,7 +47,7 @@ BLOCK = 4096
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Batch(RunResults, Presented, Savable):
+class Batch(RunResults, Presented, Savable, Viewable):
     """Results of many runs, with the runs themselves.
 
     Attributes

@@ -47,18 +47,20 @@ def concluded(
     lowest = certificate.lowest_eigenvalue
     _judge(supervisor, lowest, ~handed)
     failed = account.has(Status.FAILED)
-    nodes = outcome.nodes.reshape(n_runs, arrays.n_nodes, 3)
-    if account.record is not None and not failed[0]:
-        parameter = float(outcome.parameter[0])
-        if not account.history:
-            account.note_point(nodes[0], parameter, int(outcome.iterations[0]))
-        account.correct_last_point(nodes[0], outcome.tensions[0], parameter)
-    nothing_at = np.where(failed, np.nan, 0.0)
     # What is left of the prestress where it is lost is rounding, of which no sign and no size is told.
     flat = account.has(Status.COLLAPSED)[:, None] & (
         np.abs(outcome.tensions) <= supervisor.flat_below[:, None]
     )
     tensions = np.where(flat, 0.0, outcome.tensions)
+    nodes = outcome.nodes.reshape(n_runs, arrays.n_nodes, 3)
+    if account.record is not None and not failed[0] and not handed[0]:
+        parameter = float(outcome.parameter[0])
+        if not account.history:
+            account.note_point(nodes[0], parameter, int(outcome.iterations[0]))
+        cables = arrays.is_cable
+        account.note_events(cables & (outcome.tensions[0] > 0.0), cables & (tensions[0] > 0.0), parameter)
+        account.correct_last_point(nodes[0], outcome.tensions[0], parameter)
+    nothing_at = np.where(failed, np.nan, 0.0)
     stands = account.has(Status.STABLE, Status.SNAPPED)[:, None, None]
     end = StageEnd(
         name=account.name,

@@ -189,7 +189,8 @@ def through_stages(
         end = _after(ground, leg, ends[-1]) if ends else first_leg(ground, leg, settle=settle_start)
         ends.append(end)
         inputs, nodes = after, end.nodes
-    return Prepared(structure, replace(ground, arrays=arrays) if n_runs > 1 else ground, tuple(ends), inputs)
+    varied = arrays is not ground.arrays  # of a single run, too
+    return Prepared(structure, replace(ground, arrays=arrays) if varied else ground, tuple(ends), inputs)
 
 
 def _after(ground: Ground, leg: Leg, before: StageEnd) -> StageEnd:

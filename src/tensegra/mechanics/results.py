@@ -36,6 +36,7 @@ from tensegra.mechanics.tangent import Tangent
 from tensegra.presented import Presented
 from tensegra.savable import Savable
 from tensegra.structure import Structure
+from tensegra.viewable import Viewable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -223,7 +224,7 @@ class Equilibrium(Presented):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class EquilibriumPath(Presented, Savable):
+class EquilibriumPath(Presented, Savable, Viewable):
     """The equilibria of a loading history: those of the stages and of the actuation after them.
 
     Attributes

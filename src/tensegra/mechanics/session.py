@@ -1,18 +1,38 @@
 """A structure under one's hand: solved once, then moved from where it stands, certified at every move."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from tensegra.mechanics.derivatives import Given
-from tensegra.mechanics.inputs import Actuation, inputs_under, stage_inputs
+from tensegra.mechanics.ends import StageEnd
+from tensegra.mechanics.inputs import Actuation, Inputs, inputs_under, stage_inputs
 from tensegra.mechanics.path import ACTUATION, Prepared, equilibrium_of, missing_start, prepare, softest_modes
 from tensegra.mechanics.results import Equilibrium, EquilibriumPath
 from tensegra.mechanics.settings import PathSettings
 from tensegra.mechanics.stages import Leg, follow_leg, reference_tensions
+from tensegra.mechanics.status import CriticalPoint
 from tensegra.structure import Structure
 
 IN_ONE_STEP = PathSettings(first_step=1.0)
 """A move under one's hand is short: it is tried as a whole first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """Where a session stands: what `Session.stand` goes back to.
+
+    Attributes
+    ----------
+    run
+        What acts after the stages.
+    inputs
+        All that is prescribed, as arrays; positions about the arrays' own origin.
+    """
+
+    run: Actuation
+    inputs: Inputs = field(repr=False)
+    end: StageEnd = field(repr=False)
 
 
 class Session:
@@ -59,11 +79,43 @@ class Session:
         """Where the structure stands."""
         return equilibrium_of(self.structure, self._prepared.ground, self._end)
 
+    @property
+    def reference(self) -> Equilibrium:
+        """Where the stages end: displacements are measured from there."""
+        return self._prepared.equilibria[-1]
+
+    @property
+    def base(self) -> Inputs:
+        """What is prescribed where the stages end."""
+        return self._prepared.inputs
+
+    @property
+    def critical_points(self) -> tuple[CriticalPoint, ...]:
+        """Where the last move lost its stability, if it did."""
+        return tuple(self._end.critical_points[0])
+
+    @property
+    def standing(self) -> Standing:
+        """Where the structure stands, to come back to."""
+        return Standing(self._run, self._inputs, self._end)
+
+    def stand(self, standing: Standing) -> Equilibrium:
+        """Go back to where this session stood before, without a way there.
+
+        What was found is never changed, so it is the same equilibrium to the last bit, on the same branch,
+        which a move back need not be.
+
+        Parameters
+        ----------
+        standing
+            What `standing` was then.
+        """
+        self._run, self._inputs, self._end = standing.run, standing.inputs, standing.end
+        return self.equilibrium
+
     def reset(self) -> None:
         """Go back to where the stages end."""
-        self._end = self._prepared.ends[-1]
-        self._inputs = self._prepared.inputs
-        self._run = Actuation({}, {}, {}, {})
+        self.stand(Standing(Actuation({}, {}, {}, {}), self._prepared.inputs, self._prepared.ends[-1]))
 
     def move(
         self,

@@ -296,7 +296,7 @@ class Supervisor:
             return runs
         kind = dict(zip(runs.tolist(), kinds, strict=True))
         before, start = self.outcome.nodes[runs].copy(), self.outcome.parameter[runs]
-        taut = self._taut(int(runs[0]), before[0]) if self.account.record is not None else None
+        taut = self._taut_before(int(runs[0]), before[0]) if self.account.record is not None else None
         fallen = self._fall_beyond(runs, kind)
         goes_on = np.zeros(len(runs), dtype=np.bool_)
         for row, run in enumerate(runs.tolist()):
@@ -382,6 +382,13 @@ class Supervisor:
         branch = Branch(tangent, stage, stiffness, self.settings.residual)
         left = before, float(self.outcome.parameter[run])
         return not leads_back(branch, self.gauge.motions, (after, parameter), left)
+
+    def _taut_before(self, run: int, nodes: FloatArray) -> BoolArray:
+        """Which members carried force where the branch ended, as the follower kept them."""
+        if self.outcome.end[run] in (follow.BRANCH_ENDS, follow.EVENT_ENDS):
+            taut: BoolArray = ~self.arrays.is_cable | (self.outcome.tensions[run] != 0.0)
+            return taut
+        return self._taut(run, nodes)
 
     def _taut(self, run: int, nodes: FloatArray) -> BoolArray:
         return self.gauge.measured(run, nodes, float(self.outcome.parameter[run])).taut.copy()

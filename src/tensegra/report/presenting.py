@@ -129,7 +129,8 @@ def _(result: Optimum) -> "Figure":
 
 @figure_of.register(RobustOptimum)
 def _(result: RobustOptimum) -> "Figure":
-    return figures.robust_figure(result.to_dict())
+    content = result.to_dict()
+    return figures.robust_figure(content, figures.robust_panels(content))
 
 
 @figure_of.register(Trajectory)

@@ -10,7 +10,14 @@ from tensegra.exchange import read_structure
 from tensegra.structure import Structure, library
 from tensegra.units import QuantityError
 
-__all__ = ["LIBRARY", "is_study_file", "parse_settings", "parse_temperatures", "structure_from"]
+__all__ = [
+    "LIBRARY",
+    "is_study_file",
+    "parse_loads",
+    "parse_settings",
+    "parse_temperatures",
+    "structure_from",
+]
 
 HOTTEST = "10000 K"
 """A difference of temperature beyond which nothing is solid, and a number a slip."""
@@ -84,6 +91,29 @@ def parse_temperatures(settings: Sequence[str], structure: Structure) -> dict[st
         if abs(value) > limit:
             expected = f"a difference of at most {limit:g} {units.temperature}, beyond which nothing is solid"
             raise ModelError.at(f"-t: {name}", value, expected)
+    return values
+
+
+def parse_loads(settings: Sequence[str], structure: Structure) -> dict[tuple[str, str], float]:
+    """Return forces by node and axis in the structure's unit, from ``18.z=-0.5`` or ``18.z=-500 N``.
+
+    Raises
+    ------
+    ModelError
+        As `parse_settings`; or where no node and no axis are named.
+
+    Examples
+    --------
+    >>> parse_loads(["18.z=-0.5", "19.x=2000 N"], library.paper_beam())
+    {('18', 'z'): -0.5, ('19', 'x'): 2.0}
+    """
+    values = {}
+    read = parse_settings(settings, "-l", lambda text: structure.units.number(text.strip(), "force"))
+    for place, value in read.items():
+        node, _, axis = place.rpartition(".")  # a node's own name may hold points
+        if not node or axis not in ("x", "y", "z"):
+            raise ModelError.at("-l", place, "a node and an axis, such as '18.z=-0.5'")
+        values[node, axis] = value
     return values
 
 

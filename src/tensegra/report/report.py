@@ -2,7 +2,9 @@
 
 from base64 import b64encode
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
+from typing import Any
 
 from tensegra.errors import StudyError
 from tensegra.files import replacing, telling
@@ -10,6 +12,7 @@ from tensegra.report.pipeline import Listener, deaf
 from tensegra.report.results import Results, open_results
 from tensegra.report.tables import Table
 from tensegra.study import Campaign
+from tensegra.viewer.page import panel, viewer_head, viewer_tail
 
 __all__ = ["Figure", "Report", "Section", "build_report", "render", "write_report"]
 
@@ -38,6 +41,7 @@ class Figure:
     image: bytes = field(repr=False)
     share: int = 100
     pdf: bytes | None = field(default=None, repr=False)
+    scene: dict[str, Any] | None = field(default=None, repr=False)
 
     @property
     def anchor(self) -> str:
@@ -48,6 +52,13 @@ class Figure:
     def source(self) -> str:
         """The picture as a link that holds it."""
         return f"data:image/svg+xml;base64,{b64encode(self.image).decode()}"
+
+    @property
+    def html(self) -> str:
+        """The picture as HTML, or the viewer that takes its place."""
+        alt = escape(f"{self.title}. {self.text}")
+        image = f'<img style="width: {self.share}%" src="{self.source}" alt="{alt}">'
+        return image if self.scene is None else panel(self.scene, self.anchor, image)
 
 
 @dataclass
@@ -69,9 +80,15 @@ class Report:
     description: str
     sections: tuple[Section, ...]
 
+    @property
+    def has_scenes(self) -> bool:
+        """Whether any figure is a viewer."""
+        return any(figure.scene is not None for section in self.sections for figure in section.figures)
+
     def html(self) -> str:
         """Return the page."""
-        return render("report.html.j2", report=self)
+        head, tail = (viewer_head(), viewer_tail()) if self.has_scenes else ("", "")
+        return render("report.html.j2", report=self, head=head, tail=tail)
 
 
 def render(template: str, *, package: str = "tensegra.report", **content: object) -> str:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensegra.mechanics import solve_batch
+from tensegra.mechanics import solve_batch, solve_path
 from tensegra.report import figures
 from tensegra.report.analysis_tables import analysis_tables, grouped
 from tensegra.report.figures.panels import choose_panels, constant_note, varying
@@ -24,6 +24,7 @@ from tensegra.report.study_tables import (
 )
 from tensegra.report.tables import number, structure_table
 from tensegra.study.evaluate import batch_inputs
+from tensegra.viewer import scene
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,11 +67,18 @@ class Writer:
             self._provenance,
         )
 
-    def _add(self, section: Section, title: str, text: str, drawing: "Drawing") -> None:
+    def _add(
+        self,
+        section: Section,
+        title: str,
+        text: str,
+        drawing: "Drawing",
+        scene: dict[str, Any] | None = None,
+    ) -> None:
         self.n_figures += 1
         share = round(100 * min(1.0, drawing.get_figwidth() / figures.WIDTH))
         pdf = figures.pdf(drawing) if self.pdf else None
-        section.figures.append(Figure(self.n_figures, title, text, figures.svg(drawing), share, pdf))
+        section.figures.append(Figure(self.n_figures, title, text, figures.svg(drawing), share, pdf, scene))
 
     def _structure(self) -> Iterator[Section]:
         """Show the structure as it stands, and at the extremes of the last output."""
@@ -86,6 +94,7 @@ class Writer:
             inputs: dict[str, Any] = batch_inputs(structure, study.variables, X)
             runs = solve_batch(structure, **inputs)
             reference = runs.nodes[0] - runs.displacements[0]
+            path = solve_path(structure)
             named = [node for item in study.outputs for node in item.nodes]
             when = f"after its stage '{structure.stages[-1].name}'" if structure.stages else "as it stands"
             self._add(
@@ -93,6 +102,7 @@ class Writer:
                 f"The structure {when}",
                 "Nodes are named as far as their names find room.",
                 figures.structure_figure(structure, reference, named),
+                scene(path),
             )
             shapes = {
                 f"{word} {output.name}: {number(values[row], 4)} {output.unit}".rstrip(): nodes
@@ -103,6 +113,7 @@ class Writer:
                 f"The runs with the least and the greatest {output.name}",
                 "In grey the reference, from which displacements are measured.",
                 figures.shape_figure(structure, reference, shapes),
+                scene(runs, labels=list(shapes)),
             )
         yield section
 

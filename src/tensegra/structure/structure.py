@@ -25,6 +25,7 @@ from tensegra.structure.frozen import FrozenMapping
 from tensegra.structure.parts import AS_DRAWN, STRAIN_LIMIT, Actuator, Material, Member, Stage
 from tensegra.structure.problems import InvalidStructureError
 from tensegra.units import Units
+from tensegra.viewable import Viewable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,7 +37,7 @@ _SI = Units()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Structure(Presented, Savable):
+class Structure(Presented, Savable, Viewable):
     """A tensegrity structure with its supports, actuators and loading history.
 
     Ids are texts; integers are accepted and become texts. All numbers are in `units`. Structures are

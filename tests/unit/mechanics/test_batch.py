@@ -327,3 +327,22 @@ def test_the_threads_that_are_asked_for_are_those_that_work(beam, monkeypatch, t
     stages = 2 if threads > 1 else 0
     assert len(ranges) >= (2 * threads if threads > 1 else 1)
     assert len(ranges) <= 2 * threads + stages + 1
+
+
+@pytest.mark.parametrize(
+    ("varied", "changes"),
+    [
+        ({"youngs_modulus": {"steel": [15000.0]}}, {"materials": {"steel": {"youngs_modulus": 15000.0}}}),
+        ({"area": {"s1": [200.0]}}, {"members": {"s1": {"area": 200.0}}}),
+        ({"rest_length": {"c26": [57.0]}}, {"members": {"c26": {"rest_length": 57.0}}}),
+    ],
+)
+def test_one_run_alone_is_varied_to_its_end(beam, varied, changes):
+    runs = solve_batch(beam, actuation={"A14": [0.07]}, **varied)
+    assert_equal_to(runs, [solve_path(apply_changes(beam, changes), {"A14": 0.07})])
+    beside = solve_batch(
+        beam,
+        actuation={"A14": [0.07, 0.0]},
+        **{what: {name: values * 2 for name, values in group.items()} for what, group in varied.items()},
+    )
+    np.testing.assert_allclose(runs.nodes[0], beside.nodes[0], atol=1e-8)
