@@ -68,7 +68,7 @@ COMMANDS = sorted(
 
 def test_commands_and_options_that_pages_show_exist(capsys):
     names = {command.split()[1] for command in COMMANDS}
-    assert len(names) >= 9
+    assert {"check", "solve", "run", "report", "import", "export", "studio"} <= names
     for name in sorted(names):
         with pytest.raises(SystemExit) as left:
             main([name, "--help"])
