@@ -263,6 +263,12 @@ def go_back(topology, lanes, lane, base):
 
 
 @njit
+def carries(topology, lanes, lane, e):
+    """Whether a member carries force at the base: a strut does, a cable where it is taut."""
+    return number(topology.is_cable, e) == 0.0 or get(lanes.base_taut, e, lane) > 0.0
+
+
+@njit
 def collapses_at(topology, lanes, lane, base, reference):
     """Return λ where all prestress of an unloaded lane is gone, as its base foresees it; infinite where not.
 
@@ -275,9 +281,8 @@ def collapses_at(topology, lanes, lane, base, reference):
             return np.inf
     strongest, most = 0, 0.0
     for e in range(topology.n_members):
-        taut = number(topology.is_cable, e) == 0.0 or get(lanes.base_taut, e, lane) > 0.0
         carried = abs(get(lanes.base_stress, e, lane)) * number(topology.moving, e)
-        if taut and carried > most:
+        if carries(topology, lanes, lane, e) and carried > most:
             strongest, most = e, carried
     if not 0.0 < most < NEARLY_GONE * reference:
         return np.inf
@@ -288,8 +293,8 @@ def collapses_at(topology, lanes, lane, base, reference):
         return np.inf
     h = 2.0 * most / (np.sqrt(square) - falls)
     for e in range(topology.n_members):
-        taut = number(topology.is_cable, e) == 0.0 or get(lanes.base_taut, e, lane) > 0.0
-        if taut and number(topology.moving, e) > 0.0 and abs(_foreseen(lanes, lane, e, h)) > TOGETHER * most:
+        moves = carries(topology, lanes, lane, e) and number(topology.moving, e) > 0.0
+        if moves and abs(_foreseen(lanes, lane, e, h)) > TOGETHER * most:
             return np.inf
     return base + h if base + h < 1.0 else np.inf
 
@@ -303,8 +308,7 @@ def leave_foreseen(topology, lanes, outcome, lane, r, base, target):
     for i in range(topology.n_coordinates):
         outcome.nodes[r, i] = get(lanes.x, i, lane)
     for e in range(topology.n_members):
-        taut = number(topology.is_cable, e) == 0.0 or get(lanes.base_taut, e, lane) > 0.0
-        outcome.tensions[r, e] = get(lanes.stress, e, lane) if taut else 0.0
+        outcome.tensions[r, e] = get(lanes.stress, e, lane) if carries(topology, lanes, lane, e) else 0.0
 
 
 @njit

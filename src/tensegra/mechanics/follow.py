@@ -25,6 +25,7 @@ from tensegra.mechanics import kernels
 from tensegra.mechanics.arrays import BoolArray, FloatArray, IndexArray
 from tensegra.mechanics.branch import (
     begin,
+    carries,
     collapses_at,
     first_crossing,
     go_back,
@@ -440,7 +441,7 @@ def _note(topology, record, lanes, lane, iterations, past_event):
     for i in range(topology.n_coordinates):
         record.nodes[at, i] = get(lanes.x, i, lane)
     for e in range(topology.n_members):
-        taut = number(topology.is_cable, e) == 0.0 or get(lanes.base_taut, e, lane) > 0.0
+        taut = carries(topology, lanes, lane, e)
         record.tensions[at, e] = get(lanes.stress, e, lane) if taut else 0.0
         if past_event and get(lanes.edge, e, lane) > 0.0 and taut != (get(lanes.taut, e, lane) > 0.0):
             record.event_parameter[record.counts[1]] = record.parameter[at]

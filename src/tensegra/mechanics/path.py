@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from tensegra.mechanics.arrays import FloatArray, StructureArrays
-from tensegra.mechanics.conclude import concluded
 from tensegra.mechanics.derivatives import Direction, Given
 from tensegra.mechanics.ends import StageEnd
 from tensegra.mechanics.inputs import (
@@ -23,10 +22,17 @@ from tensegra.mechanics.inputs import (
 from tensegra.mechanics.results import Equilibrium, EquilibriumPath
 from tensegra.mechanics.settings import PathSettings, Policy, Procedure, path_settings
 from tensegra.mechanics.stability import with_mechanisms
-from tensegra.mechanics.stages import Ground, Leg, first_leg, follow_leg, ground_of, reference_tensions
+from tensegra.mechanics.stages import (
+    Ground,
+    Leg,
+    first_leg,
+    follow_leg,
+    given_up,
+    ground_of,
+    reference_tensions,
+)
 from tensegra.mechanics.state import LARGEST_IN_LANES, N_VECTORS
 from tensegra.mechanics.status import Status
-from tensegra.mechanics.supervise import Supervisor
 from tensegra.mechanics.tangent import Tangent
 from tensegra.mechanics.trace import traced
 from tensegra.structure import Structure
@@ -197,12 +203,8 @@ def _after(ground: Ground, leg: Leg, before: StageEnd) -> StageEnd:
     """Follow a leg from where the one before it ended, as far as it came to its end."""
     missing = [missing_start(before, run) for run in range(leg.n_runs)]
     there = np.where(np.isfinite(leg.start), leg.start, ground.arrays.coordinates)
-    end = follow_leg(ground, replace(leg, start=there)) if None in missing else None
-    if end is None:
-        unloaded = ground.freedom(np.zeros_like(there[0]))
-        supervisor = Supervisor(ground.solver(unloaded, there[0]), replace(leg, start=there))
-        supervisor.fail_all("")
-        end = concluded(supervisor)
+    there_on = replace(leg, start=there)
+    end = follow_leg(ground, there_on) if None in missing else given_up(ground, there_on, "")
     for run, reason in enumerate(missing):
         if reason is not None:
             end.give_up(run, reason)

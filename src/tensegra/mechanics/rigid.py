@@ -50,6 +50,17 @@ class RigidMotions:
         fields: FloatArray = self.translation + np.cross(self.spin, nodes[..., None, :, :])
         return fields
 
+    def bend(self, nodes: FloatArray, along: FloatArray) -> FloatArray:
+        """Return how positions bend along a field as the structure goes along the motions.
+
+        The second derivative of x·v by the motions p and q, v·(ω_p × u_q) with both orders' mean, for a
+        field v ``(…, n_nodes, 3)``, shape ``(…, n_motions, n_motions)``.
+        """
+        turned = np.cross(self.spin[:, None], self.fields(nodes)[..., None, :, :, :])
+        bent = np.einsum("...pqni,...ni->...pq", turned, along)
+        mean: FloatArray = 0.5 * (bent + np.swapaxes(bent, -1, -2))
+        return mean
+
     def combined(self, shares: FloatArray) -> "RigidMotions":
         """Return linear combinations, ``(n, n_motions)``, under the names of what they are made of."""
         names = []
@@ -204,11 +215,8 @@ def _off_farthest(nodes: FloatArray, reference: FloatArray, motions: RigidMotion
     """
     fields = motions.fields(nodes)
     flat = fields.reshape(*fields.shape[:-2], -1)
-    away = reference - nodes
     normal = flat @ np.swapaxes(flat, -1, -2)
-    turned = np.cross(motions.spin[:, None], fields[..., None, :, :, :])
-    bent = np.einsum("...pqni,...ni->...pq", turned, away)
-    form = normal - 0.5 * (bent + np.swapaxes(bent, -1, -2))
+    form = normal - motions.bend(nodes, reference - nodes)
     # Motions in a unit of their own: a turn and a shift that move the nodes by as much count alike.
     size = np.sqrt(np.maximum(np.einsum("...qq->...q", normal), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(form / (size[..., :, None] * size[..., None, :]))

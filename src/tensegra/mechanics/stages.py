@@ -145,9 +145,10 @@ class Leg(Task):
     modes: FloatArray | None = None
     directions: Sequence[Direction] = ()
 
-    def concluded(self, supervisor: Supervisor, start: FloatArray, solver: Solver) -> StageEnd:
+    def concluded(self, supervisor: Supervisor) -> StageEnd:
         """Return what is known at the end, in the frame of least squares from the start of the leg."""
-        return _aligned(concluded(supervisor, self.modes, self.directions), start, solver)
+        end = concluded(supervisor, self.modes, self.directions)
+        return _aligned(end, self.start, supervisor.gauge.motions)
 
 
 def follow_leg(ground: Ground, leg: Leg) -> StageEnd:
@@ -160,14 +161,13 @@ def follow_leg(ground: Ground, leg: Leg) -> StageEnd:
         first = Supervisor(solver, replace(leg, stage=leg.stage.between(0.0, UNLOADED_AT)))
         first.follow()
         nodes = first.outcome.nodes.reshape(leg.n_runs, -1, 3)
-        solver = ground.solver(ends, nodes[0])
         rest = replace(leg, start=nodes, stage=leg.stage.between(UNLOADED_AT, 1.0))
-        supervisor = Supervisor(solver, rest)
+        supervisor = Supervisor(ground.solver(ends, nodes[0]), rest)
         stopped = (first.outcome.end != ARRIVED) & ~first.account.has(Status.COLLAPSED)
         supervisor.go_on_from(first)
-        end = leg.concluded(supervisor, leg.start, solver)
+        end = leg.concluded(supervisor)
         if np.any(stopped):
-            before = leg.concluded(first, leg.start, first.solver)
+            before = leg.concluded(first)
             before.parameter *= UNLOADED_AT
             for run in map(int, np.flatnonzero(stopped)):
                 end.put(run, before, run)
@@ -176,7 +176,7 @@ def follow_leg(ground: Ground, leg: Leg) -> StageEnd:
     supervisor.follow()
     if ground.settings.path == "stepped":
         supervisor = _stepped(solver, leg, supervisor)
-    return leg.concluded(supervisor, leg.start, solver)
+    return leg.concluded(supervisor)
 
 
 def first_leg(ground: Ground, leg: Leg, *, settle: bool) -> StageEnd:
@@ -211,7 +211,7 @@ def first_leg(ground: Ground, leg: Leg, *, settle: bool) -> StageEnd:
     supervisor.follow()
     if ground.settings.path == "stepped":
         supervisor = _stepped(solver, leg, supervisor)
-    return leg.concluded(supervisor, leg.start, solver)
+    return leg.concluded(supervisor)
 
 
 def _stepped(solver: Solver, leg: Leg, followed: Supervisor) -> Supervisor:
@@ -269,18 +269,23 @@ def _stay_unstable(solver: Solver, leg: Leg, candidates: IndexArray, supervisor:
 
 def _without_equilibrium(ground: Ground, leg: Leg, unheld: tuple[str, ...]) -> StageEnd:
     """Return the end of runs that a net force pulls away."""
-    supervisor = Supervisor(ground.solver(ground.freedom(np.zeros(leg.start.shape[-2:])), leg.start[0]), leg)
     along = ", ".join(unheld)
-    supervisor.fail_all(
-        f"no equilibrium: nothing holds the structure against the net force along its {along}"
+    return given_up(
+        ground, leg, f"no equilibrium: nothing holds the structure against the net force along its {along}"
     )
+
+
+def given_up(ground: Ground, leg: Leg, reason: str) -> StageEnd:
+    """Return the end of a leg that no run can be taken through."""
+    unloaded = ground.freedom(np.zeros(leg.start.shape[-2:]))
+    supervisor = Supervisor(ground.solver(unloaded, leg.start[0]), leg)
+    supervisor.fail_all(reason)
     return concluded(supervisor)
 
 
-def _aligned(end: StageEnd, start: FloatArray, solver: Solver) -> StageEnd:
+def _aligned(end: StageEnd, start: FloatArray, motions: RigidMotions) -> StageEnd:
     """Move ends, histories and derivatives along the neutral motions to where the start is nearest."""
-    motions = solver.motions
-    if motions is None or not len(motions):
+    if not len(motions):
         return end
     found = np.isfinite(end.nodes).all(axis=(1, 2))
     start = np.broadcast_to(start, end.nodes.shape)

@@ -121,7 +121,7 @@ class Supervisor:
         """Follow all runs from where they stand to the end of the stage."""
         active, rounds = np.flatnonzero(self.outcome.end == _UNDER_WAY), 0
         while len(active):
-            active = self._hand_on(active)
+            active = self._without_worn(active)
             whole = len(active) == self.n_runs
             part = self.outcome if whole else self.outcome.take(active)
             self.solver.follow(self.runs if whole else self.runs.take(active), part, self.account.record)
@@ -130,18 +130,22 @@ class Supervisor:
             self.account.drain()
             end, rounds = part.end, rounds + 1
             for run in map(int, active[end == follow.OUT_OF_STEPS]):
-                self._fail(run, f"{self.outcome.steps[run]} steps end at {self._percent(run)} of the stage")
+                self.account.fail(
+                    run, f"{self.outcome.steps[run]} steps end at {self._percent(run)} of the stage"
+                )
             # What was held for a body that has turned too far says nothing of it: others go on from there.
             worn = self.solver.grip.is_worn(part.nodes) & (end != follow.OUT_OF_STEPS)
             ended = active[~worn & (end >= follow.BRANCH_ENDS) & (end <= follow.UNSTABLE_START)]
             resumed = active[worn | (end == follow.PAUSED)]
             if rounds > MOST_EVENTS:
                 for run in map(int, np.concatenate([ended, resumed])):
-                    self._fail(run, f"{MOST_EVENTS} critical points end at {self._percent(run)} of the stage")
+                    self.account.fail(
+                        run, f"{MOST_EVENTS} critical points end at {self._percent(run)} of the stage"
+                    )
                 return
             active = np.sort(np.concatenate([resumed, self._end_of_branch(ended)]))
 
-    def _hand_on(self, active: IndexArray) -> IndexArray:
+    def _without_worn(self, active: IndexArray) -> IndexArray:
         """Let others take the runs on for which other coordinates have to be held; return the rest."""
         if not len(self.gauge.motions) and not self._falls.handed:
             return active
@@ -164,7 +168,7 @@ class Supervisor:
     def is_handed(self) -> BoolArray:
         """Which runs are where only others can take them on, ``(n_runs,)``."""
         handed = np.zeros(self.n_runs, dtype=np.bool_)
-        handed[[*self._falls.handed, *self.handed_on]] = True
+        handed[list(self._falls.handed)] = True
         return handed
 
     def hand_on(self, run: int) -> "Supervisor":
@@ -363,7 +367,7 @@ class Supervisor:
         if fallen.end[row] in (descend.FLAT, descend.NEUTRAL):
             self.account.set(run, Status.COLLAPSED, f"prestress lost: {where}")
         else:
-            self._fail(run, f"the fall beyond {where} found no equilibrium")
+            self.account.fail(run, f"the fall beyond {where} found no equilibrium")
         return False
 
     def _fall(self, runs: IndexArray, nodes: FloatArray, parameter: FloatArray) -> Outcome:
@@ -392,9 +396,6 @@ class Supervisor:
 
     def _taut(self, run: int, nodes: FloatArray) -> BoolArray:
         return self.gauge.measured(run, nodes, float(self.outcome.parameter[run])).taut.copy()
-
-    def _fail(self, run: int, reason: str) -> None:
-        self.account.fail(run, reason)
 
     def _percent(self, run: int) -> str:
         return f"{100.0 * self.outcome.parameter[run]:.4g} %"

@@ -46,9 +46,7 @@ def turned_by(nodes: FloatArray, force: FloatArray, motions: RigidMotions) -> Fl
         fields = motions.fields(nodes)
         flat = fields.reshape(len(motions), -1)
         lengths = np.maximum(np.linalg.norm(flat, axis=1), NOTHING * size)
-        # (p × ω)·u bends the potential: −p·(ω × u), of both orders the mean.
-        bent = -np.einsum("ni,pqni->pq", force, np.cross(motions.spin[:, None], fields[None]))
-        form = 0.5 * (bent + bent.T) / np.outer(lengths, lengths) * size**2
+        form = -motions.bend(nodes, force) / np.outer(lengths, lengths) * size**2
         slope = -(flat @ force.ravel()) / lengths * size
         # In an orthonormal basis of what the motions move, so that none is counted twice.
         gram, basis = np.linalg.eigh(flat @ flat.T / np.outer(lengths, lengths))
