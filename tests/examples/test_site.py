@@ -32,6 +32,17 @@ def blocks(page):
     return [re.sub(r"^%.*\n", "", block, flags=re.MULTILINE) for block in found]
 
 
+@pytest.fixture
+def precision_put_back():
+    """Put JAX back to the precision that it had: a page may choose one for the whole process."""
+    import jax
+
+    before = jax.config.jax_enable_x64
+    yield
+    jax.config.update("jax_enable_x64", before)
+
+
+@pytest.mark.usefixtures("precision_put_back")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_the_code_of_a_page_prints_what_it_says(page, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
