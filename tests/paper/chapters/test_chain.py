@@ -4,6 +4,7 @@ import pytest
 from tensegra import SolverError
 from tensegra_paper import models
 from tensegra_paper.chapters.chain import chapter
+from tensegra_paper.chapters.optimum import searching
 from tensegra_paper.groups import Groups
 from tensegra_paper.setting import Setting
 
@@ -19,8 +20,8 @@ def made(tmp_path_factory):
         patch.setattr(models, "LEAST_LIFT_RUNS", 512)
         patch.setattr(chapter, "NETWORK", chapter.NETWORK | {"adam_iterations": 200})
         patch.setattr(chapter, "LBFGS_ITERATIONS", 20)
-        patch.setattr(chapter, "EVALUATIONS", 14)
-        patch.setattr(chapter, "FEWEST_STARTS", {"slsqp": 3, "bfgs": 2, "direct": 6})
+        patch.setattr(searching, "EVALUATIONS", 14)
+        patch.setattr(searching, "FEWEST_STARTS", {"slsqp": 3, "bfgs": 2, "direct": 6})
         # Among few runs HDBSCAN finds no group; what it finds among many is the affair of another chapter.
         patch.setattr(chapter, "stepped_groups", standing)
         yield chapter.chain(Setting(tmp_path_factory.mktemp("chain"), scale=0.001))

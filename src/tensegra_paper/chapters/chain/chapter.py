@@ -13,16 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegra import SolverError
-from tensegra.analysis import Optimum, SurrogateModel, optimise
+from tensegra.analysis import Optimum, SurrogateModel
 from tensegra.report import Table, number
 from tensegra.study import TrainingData
-from tensegra.surrogate import measure, one_thread
+from tensegra.surrogate import measure
 from tensegra_paper.beam_model import BeamRuns
 from tensegra_paper.chapter import Agreement, Chapter, Figure, Row
 from tensegra_paper.chapters.optimum import well_posed_optimum
-from tensegra_paper.chapters.optimum.chapter import FEWEST_STARTS, N_STARTS
 from tensegra_paper.chapters.optimum.figures import range_figure
-from tensegra_paper.chapters.optimum.rows import EVALUATIONS, METHODS, PROBLEMS, XI, place
+from tensegra_paper.chapters.optimum.rows import EVALUATIONS, METHODS, PROBLEMS, place
+from tensegra_paper.chapters.optimum.searching import searched
 from tensegra_paper.chapters.optimum.straight import slices
 from tensegra_paper.claims import finding
 from tensegra_paper.groups import OUTPUTS, PRINTED_GROUPS, Groups, stepped_groups
@@ -92,7 +92,19 @@ def chain(setting: Setting) -> Chapter:
     setting.tell(f"Eq. 10: Gaussian process on {data.n_points} runs in {process.surrogate.seconds:.0f} s")
     model = SurrogateModel(network.surrogate, "network", truth.space)
     found = {
-        name: {method: _search(setting, model, method, name) for method in SEARCHED} for name in PROBLEMS
+        name: {
+            method: searched(
+                setting,
+                model,
+                truth,
+                name,
+                method,
+                seed=f"chain {method}",
+                told_as=f"{name}, on the network",
+            )
+            for method in SEARCHED
+        }
+        for name in PROBLEMS
     }
     shown = slices(setting, model)
     best = well_posed_optimum(setting)
@@ -183,24 +195,6 @@ def _learned(
         output_names=OUTPUTS,
     )
     return Learned(surrogate, measured.normalised_error)
-
-
-def _search(setting: Setting, model: SurrogateModel, method: str, problem: str) -> Optimum:
-    objective, constraints, _ = PROBLEMS[problem]
-    with one_thread():
-        best = optimise(
-            model,
-            objective,
-            constraints=constraints,
-            method=method,
-            starts=setting.count(N_STARTS.get(method, 1), least=FEWEST_STARTS.get(method, 1)),
-            evaluations=EVALUATIONS,
-            xi=XI if method == "bayesian" else None,
-            seed=setting.seed_of(f"chain {method}"),
-            true_model=cable_model(setting, LIFT_INPUTS, OUTPUTS),
-        )
-    setting.tell(f"{problem}, on the network: {METHODS[method]} {best.objective:.6g} in {best.seconds:.1f} s")
-    return best
 
 
 def _value(one: Optimum, output: str) -> float:

@@ -6,8 +6,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegra.analysis import Model, Optimum, SurrogateModel, TrueModel, optimise
-from tensegra.surrogate import one_thread
+from tensegra.analysis import Optimum, SurrogateModel, optimise
 from tensegra_paper.beam_model import BeamRuns
 from tensegra_paper.chapter import Chapter, Figure
 from tensegra_paper.chapters.optimum.figures import (
@@ -34,6 +33,7 @@ from tensegra_paper.chapters.optimum.rows import (
     visit_rows,
     visited,
 )
+from tensegra_paper.chapters.optimum.searching import FEWEST_STARTS, N_STARTS, searched
 from tensegra_paper.chapters.optimum.straight import Surface, slices, straight_surface
 from tensegra_paper.models import LIFT_INPUTS, cable_model, lift_runs
 from tensegra_paper.published import published
@@ -42,11 +42,6 @@ from tensegra_paper.setting import Setting
 __all__ = ["Lift", "optimum", "well_posed_optimum"]
 
 Array: TypeAlias = NDArray[np.float64]
-
-N_STARTS = {"slsqp": 200, "bfgs": 50, "direct": 64}
-"""Of SQP as printed; of BFGS, whose number is not printed, and of `direct` enough to agree."""
-
-FEWEST_STARTS = {"slsqp": 32, "bfgs": 12, "direct": 24}
 
 
 @dataclass(frozen=True)
@@ -104,7 +99,15 @@ def optimum(setting: Setting) -> Chapter:
             for name, problem in PROBLEMS.items()
             for method in list(METHODS)[:-1]
         ],
-        lambda model, question: _search(setting, model, truth, question),
+        lambda model, asked: searched(
+            setting,
+            model,
+            truth,
+            asked.problem,
+            asked.method,
+            seed=asked.method,
+            told_as=asked.problem,
+        ),
     )
     found = {
         name: {
@@ -194,27 +197,6 @@ def _range(runs: BeamRuns) -> tuple[float, float]:
     """Return the least and the greatest w of the runs that stand, cm."""
     w = runs.w[runs.stands]
     return float(w.min()), float(w.max())
-
-
-def _search(setting: Setting, model: Model, truth: TrueModel, question: Question) -> Optimum:
-    """Ask one method for the optimum of one problem on a model, and solve it again by FEM."""
-    method = question.method
-    objective, constraints, _ = PROBLEMS[question.problem]
-    # The matrices are small: more threads would wait for each other longer than they work.
-    with one_thread():
-        best = optimise(
-            model,
-            objective,
-            constraints=constraints,
-            method=method,
-            starts=setting.count(N_STARTS.get(method, 1), least=FEWEST_STARTS.get(method, 1)),
-            evaluations=EVALUATIONS,
-            xi=XI if method == "bayesian" else None,
-            seed=setting.seed_of(method),
-            true_model=truth,
-        )
-    setting.tell(f"{question.problem}: {METHODS[method]} {best.objective:.6g} in {best.seconds:.1f} s")
-    return best
 
 
 def _text(
