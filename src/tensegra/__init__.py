@@ -8,9 +8,7 @@
 
 from typing import TYPE_CHECKING
 
-from tensegra.presented import present_by
-from tensegra.savable import register as _register
-from tensegra.viewable import register as _register_view
+from tensegra import presented, savable, viewable
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -242,16 +240,17 @@ def _presenter() -> "Presenter":
     return presenting
 
 
-present_by(_presenter)
+presented.presenter.brought_by(_presenter)
 
 
-def _save(what: "Any", path: "Any", format: str | None) -> None:  # noqa: A002, ANN401 - what the formats take
+def _saver() -> "Callable[..., Any]":
+    """Bring what writes results to files."""
     from tensegra.report.export import save
 
-    save(what, path, format)
+    return save
 
 
-_register(_save)
+savable.saver.brought_by(_saver)
 
 
 def _viewer() -> "Callable[..., Any]":
@@ -261,4 +260,4 @@ def _viewer() -> "Callable[..., Any]":
     return view
 
 
-_register_view(_viewer)
+viewable.viewer.brought_by(_viewer)

@@ -1,16 +1,16 @@
 """What shows itself: a result that draws its figure and its tables, though both are made floors above.
 
-The package registers who draws (`present_by`); nothing of the report is imported before a figure or a table
-is asked for, and no floor below it knows its name.
+Nothing of the report is imported before a figure or a table is asked for, and no floor below knows its name.
 """
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
+
+from tensegra.above import Above
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Presented", "Presenter", "Tabled", "present_by"]
+__all__ = ["Presented", "Presenter", "Tabled", "presenter"]
 
 
 class Presenter(Protocol):
@@ -25,13 +25,8 @@ class Presenter(Protocol):
         ...
 
 
-_load: list[Callable[[], Presenter]] = []
-"""The one function that brings the presenter, called when something is shown."""
-
-
-def present_by(load: Callable[[], Presenter]) -> None:
-    """Let results be drawn by what `load` returns; it is called each time that one is shown."""
-    _load[:] = [load]
+presenter: Above[Presenter] = Above()
+"""Who draws results."""
 
 
 class Presented:
@@ -52,11 +47,11 @@ class Presented:
         TensegraError
             There is nothing to draw, as after a failed solution.
         """
-        return _load[0]().figure_of(self)
+        return presenter().figure_of(self)
 
     def _repr_html_(self) -> str:
         """Return the tables that a notebook shows."""
-        return _load[0]().html_of(self)
+        return presenter().html_of(self)
 
 
 class Tabled(Presented):

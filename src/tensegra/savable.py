@@ -1,23 +1,15 @@
-"""What can be saved: the method is here, on the ground floor; what it does is registered from above.
-
-A structure, a path or a batch lies below the formats that they are written in. So that nothing is
-imported upwards, the package itself registers what saves them when it is imported.
-"""
+"""What can be saved: the method is here, on the ground floor; the formats that it writes are above."""
 
 import os
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["Savable", "register"]
+from tensegra.above import Above
 
-Saver = Callable[..., Any]
+__all__ = ["Savable", "saver"]
 
-_registered: list[Saver] = []
-
-
-def register(saver: Saver) -> None:
-    """Let ``saver(what, path, format)`` do what `Savable.save` promises, in place of an earlier one."""
-    _registered[:] = [saver]
+saver: Above[Callable[..., Any]] = Above()
+"""What does ``save(what, path, format)``."""
 
 
 class Savable:
@@ -53,4 +45,4 @@ class Savable:
         ...     tg.read_structure(file)
         Structure('prism': 6 nodes, 3 struts, 9 cables, 0 clustered; 12 free dof; units m, N)
         """
-        _registered[0](self, path, format)
+        saver()(self, path, format)

@@ -1,16 +1,14 @@
-"""What can be viewed in space: the method is here, on the ground floor; what does it is registered above."""
+"""What can be viewed in space: the method is here, on the ground floor; what shows it is above."""
 
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["Viewable", "register"]
+from tensegra.above import Above
 
-_load: list[Callable[[], Callable[..., Any]]] = []
+__all__ = ["Viewable", "viewer"]
 
-
-def register(load: Callable[[], Callable[..., Any]]) -> None:
-    """Let what `load` returns do what `Viewable.view` promises; it is called when something is viewed."""
-    _load[:] = [load]
+viewer: Above[Callable[..., Any]] = Above()
+"""What shows something in space."""
 
 
 class Viewable:
@@ -31,4 +29,4 @@ class Viewable:
         TensegraError
             The extra ``notebook`` is not installed.
         """
-        return _load[0]()(self, **options)
+        return viewer()(self, **options)

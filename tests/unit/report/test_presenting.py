@@ -10,6 +10,7 @@ import pytest
 
 import tensegra as tg
 from tensegra import presented
+from tensegra.above import Above
 from tensegra.errors import SolverError, StudyError
 from tensegra.presented import Presented, Tabled
 
@@ -202,8 +203,8 @@ def test_who_draws_is_asked_when_something_is_shown(monkeypatch):
         def html_of(self, result):
             return f"html of {type(result).__name__}"
 
-    monkeypatch.setattr(presented, "_load", [])
-    presented.present_by(lambda: asked.append("asked") or Presenter())
+    monkeypatch.setattr(presented, "presenter", Above())
+    presented.presenter.brought_by(lambda: asked.append("asked") or Presenter())
     assert not asked
     assert PRISM.plot() == ("figure", PRISM)
     assert PRISM._repr_html_() == "html of Structure"
